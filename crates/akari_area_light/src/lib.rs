@@ -1,0 +1,1 @@
+//! Polygonal, textured area lights on GGX for Bevy, by linearly transformed cosines.

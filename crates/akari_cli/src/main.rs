@@ -1,0 +1,3 @@
+//! The akari command line.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Headless GPU device, runner of WGSL functions against their Rust twins, image comparison for tests.

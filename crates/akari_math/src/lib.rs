@@ -1,0 +1,1 @@
+//! Spherical Gaussians, GGX, linearly transformed cosines and polygons: each function in Rust and in WGSL.

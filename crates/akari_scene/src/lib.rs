@@ -1,0 +1,1 @@
+//! glTF scenes as plain, validated data: meshes, materials, textures, lights and cameras.

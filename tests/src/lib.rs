@@ -1,0 +1,1 @@
+//! Headless render tests of bevy_akari.

@@ -1,0 +1,56 @@
+//! The procedural scenes of `assets/scenes`, and the task that writes them.
+
+mod cornell;
+mod gallery;
+mod glb;
+mod mesh;
+mod pattern;
+mod png;
+mod small;
+mod spheres;
+mod vec3;
+
+use std::path::Path;
+
+use crate::failure::{Context, Result};
+
+/// Albedo of the Lambert floors.
+const FLOOR_ALBEDO: f32 = 0.5;
+/// Tessellation of spheres: the flat facets stay below 0.1 % of the radius.
+const SPHERE_SEGMENTS: u16 = 96;
+const SPHERE_RINGS: u16 = 48;
+
+/// Every generated file: its name and its bytes.
+pub fn all() -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("cornell.glb", cornell::cornell().finish()),
+        ("empty.glb", small::empty().finish()),
+        ("floor_light.glb", small::floor_light().finish()),
+        ("gallery.glb", gallery::gallery().finish()),
+        ("many_lights.glb", small::many_lights().finish()),
+        ("spheres_hexagon.glb", spheres::spheres(spheres::Light::Hexagon).finish()),
+        ("spheres_quad.glb", spheres::spheres(spheres::Light::Quad).finish()),
+        ("spheres_textured.glb", spheres::spheres(spheres::Light::Textured).finish()),
+        ("spheres_triangle.glb", spheres::spheres(spheres::Light::Triangle).finish()),
+    ]
+}
+
+/// `cargo xtask gen-assets`: writes every scene into `folder`.
+pub fn generate(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).context(|| format!("cannot create {}", folder.display()))?;
+    for (name, bytes) in all() {
+        let path = folder.join(name);
+        std::fs::write(&path, &bytes).context(|| format!("cannot write {}", path.display()))?;
+        println!("{} ({} kB)", path.display(), bytes.len().div_ceil(1000));
+    }
+    Ok(())
+}
+
+/// The files of `folder` that are missing or differ from what [`generate`] would write.
+pub fn outdated(folder: &Path) -> Vec<String> {
+    let differs = |(name, bytes): &(&str, Vec<u8>)| std::fs::read(folder.join(name)).ok().as_ref() != Some(bytes);
+    all().into_iter().filter(differs).map(|(name, _)| folder.join(name).display().to_string()).collect()
+}
+
+#[cfg(test)]
+mod tests;

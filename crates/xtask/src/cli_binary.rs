@@ -1,6 +1,6 @@
 //! The `akari` binary: built once, with the features that the tests have, and asked whether it finds a GPU.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 use serde_json::Value;
@@ -20,14 +20,18 @@ impl Akari {
     /// it does for `cargo test --workspace`, so that nothing of the engine is compiled twice; only the binary and what
     /// it needs are built. Cargo's own progress goes to the terminal.
     pub fn build() -> Result<Self> {
-        let options = ["build", "--workspace", "--bin", "akari", "--locked", "--message-format=json-render-diagnostics"];
+        let options = [
+            "build",
+            "--workspace",
+            "--bin",
+            "akari",
+            "--locked",
+            "--message-format=json-render-diagnostics",
+        ];
         let messages = workspace::output(workspace::cargo().args(options))?;
-        let path = executable(&messages).ok_or_else(|| Failure::new("cargo built `akari` and did not say where"))?;
+        let path = executable(&messages)
+            .ok_or_else(|| Failure::new("cargo built `akari` and did not say where"))?;
         Ok(Self(path))
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.0
     }
 
     pub fn command(&self) -> Command {
@@ -45,7 +49,10 @@ impl Akari {
         if self.finds_adapter()? {
             return Ok(());
         }
-        Err(Failure::new(format!("no GPU adapter, even with Mesa's driver; `{} doctor` tells more", self.0.display())))
+        Err(Failure::new(format!(
+            "no GPU adapter, even with Mesa's driver; `{} doctor` tells more",
+            self.0.display()
+        )))
     }
 
     fn finds_adapter(&self) -> Result<bool> {
@@ -53,7 +60,10 @@ impl Akari {
         match workspace::status(doctor.arg("doctor"))? {
             0 => Ok(true),
             NO_ADAPTER => Ok(false),
-            code => Err(Failure::new(format!("`{}` ended with exit code {code}", workspace::line(&doctor)))),
+            code => Err(Failure::new(format!(
+                "`{}` ended with exit code {code}",
+                workspace::line(&doctor)
+            ))),
         }
     }
 }
@@ -61,10 +71,18 @@ impl Akari {
 /// Path of the executable in cargo's messages, one JSON object a line.
 fn executable(messages: &str) -> Option<PathBuf> {
     let path = |message: Value| -> Option<PathBuf> {
-        let wanted = message["reason"] == "compiler-artifact" && message["target"]["name"] == "akari";
-        message["executable"].as_str().filter(|_| wanted).map(PathBuf::from)
+        let wanted =
+            message["reason"] == "compiler-artifact" && message["target"]["name"] == "akari";
+        message["executable"]
+            .as_str()
+            .filter(|_| wanted)
+            .map(PathBuf::from)
     };
-    messages.lines().filter_map(|line| serde_json::from_str(line).ok()).filter_map(path).last()
+    messages
+        .lines()
+        .filter_map(|line| serde_json::from_str(line).ok())
+        .filter_map(path)
+        .last()
 }
 
 #[cfg(test)]
@@ -78,6 +96,11 @@ mod tests {
             not JSON
             {"reason":"build-finished","success":true}"#;
         assert_eq!(executable(messages), Some(PathBuf::from("/t/debug/akari")));
-        assert_eq!(executable(r#"{"reason":"compiler-artifact","target":{"name":"akari"},"executable":null}"#), None);
+        assert_eq!(
+            executable(
+                r#"{"reason":"compiler-artifact","target":{"name":"akari"},"executable":null}"#
+            ),
+            None
+        );
     }
 }

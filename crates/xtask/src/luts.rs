@@ -10,7 +10,18 @@ use crate::workspace;
 
 #[cfg(not(feature = "luts"))]
 pub fn generate(out: &Path) -> Result<()> {
-    let options = ["run", "--quiet", "--release", "--package", "xtask", "--features", "luts", "--", "gen-luts", "--out"];
+    let options = [
+        "run",
+        "--quiet",
+        "--release",
+        "--package",
+        "xtask",
+        "--features",
+        "luts",
+        "--",
+        "gen-luts",
+        "--out",
+    ];
     workspace::run(workspace::cargo().args(options).arg(out))
 }
 

@@ -49,7 +49,7 @@ enum Task {
     /// Example: cargo xtask gen-luts
     GenLuts {
         /// File to write, from the repository's root
-        #[arg(long, default_value = "crates/akari_math/src/ltc/ggx.ltc")]
+        #[arg(long, default_value = "crates/akari_math/src/ltc/table.bin")]
         out: PathBuf,
     },
     /// Writes the procedural scenes of assets/scenes
@@ -92,5 +92,8 @@ fn gen_assets(check: bool) -> Result<()> {
     if outdated.is_empty() {
         return Ok(());
     }
-    Err(Failure::new(format!("run `cargo xtask gen-assets` to update {}", outdated.join(", "))))
+    Err(Failure::new(format!(
+        "run `cargo xtask gen-assets` to update {}",
+        outdated.join(", ")
+    )))
 }

@@ -13,7 +13,11 @@ pub struct Steps {
 
 impl Steps {
     pub fn new(count: usize) -> Self {
-        Self { count, current: 0, started: Instant::now() }
+        Self {
+            count,
+            current: 0,
+            started: Instant::now(),
+        }
     }
 
     /// Announces a step, runs it, and prints its time; a failure names the step.
@@ -21,7 +25,8 @@ impl Steps {
         self.current += 1;
         println!("[{}/{}] {what}", self.current, self.count);
         let started = Instant::now();
-        let result = step().context(|| format!("step {} of {} ({what})", self.current, self.count))?;
+        let result =
+            step().context(|| format!("step {} of {} ({what})", self.current, self.count))?;
         println!("      done in {}", duration(started.elapsed()));
         Ok(result)
     }
@@ -38,7 +43,11 @@ pub fn duration(time: Duration) -> String {
         return format!("{seconds:.1} s");
     }
     let whole = seconds.round() as u64;
-    if whole < 60 { format!("{whole} s") } else { format!("{} min {} s", whole / 60, whole % 60) }
+    if whole < 60 {
+        format!("{whole} s")
+    } else {
+        format!("{} min {} s", whole / 60, whole % 60)
+    }
 }
 
 #[cfg(test)]
@@ -48,7 +57,13 @@ mod tests {
 
     #[test]
     fn durations_read_well() {
-        for (seconds, text) in [(0.04, "0.0 s"), (9.96, "10 s"), (59.4, "59 s"), (59.6, "1 min 0 s"), (187.0, "3 min 7 s")] {
+        for (seconds, text) in [
+            (0.04, "0.0 s"),
+            (9.96, "10 s"),
+            (59.4, "59 s"),
+            (59.6, "1 min 0 s"),
+            (187.0, "3 min 7 s"),
+        ] {
             assert_eq!(duration(Duration::from_secs_f64(seconds)), text);
         }
     }
@@ -57,7 +72,9 @@ mod tests {
     fn a_failing_step_is_named() {
         let mut steps = Steps::new(2);
         steps.run("first", || Ok(())).unwrap();
-        let failure = steps.run("second", || Err::<(), _>(Failure::new("no luck"))).unwrap_err();
+        let failure = steps
+            .run("second", || Err::<(), _>(Failure::new("no luck")))
+            .unwrap_err();
         assert_eq!(failure.to_string(), "step 2 of 2 (second): no luck");
     }
 }

@@ -7,7 +7,10 @@ use crate::failure::{Context, Failure, Result};
 
 /// Root of the repository.
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).expect("crates/xtask lies two folders below the root")
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .nth(2)
+        .expect("crates/xtask lies two folders below the root")
 }
 
 /// The cargo that runs this task, or else the one on the path.
@@ -26,28 +29,44 @@ pub fn program(name: impl AsRef<std::ffi::OsStr>) -> Command {
 pub fn target_folder() -> Result<PathBuf> {
     let metadata = json(cargo().args(["metadata", "--format-version=1", "--no-deps", "--locked"]))?;
     let folder = metadata["target_directory"].as_str();
-    folder.map(PathBuf::from).ok_or_else(|| Failure::new("cargo metadata names no target_directory"))
+    folder
+        .map(PathBuf::from)
+        .ok_or_else(|| Failure::new("cargo metadata names no target_directory"))
 }
 
 /// Runs a command whose output goes to the terminal; any exit code but 0 is a failure.
 pub fn run(command: &mut Command) -> Result<()> {
     match status(command)? {
         0 => Ok(()),
-        code => Err(Failure::new(format!("`{}` ended with exit code {code}", line(command)))),
+        code => Err(Failure::new(format!(
+            "`{}` ended with exit code {code}",
+            line(command)
+        ))),
     }
 }
 
 /// Exit code of a command whose output goes to the terminal. A command that was killed is a failure.
 pub fn status(command: &mut Command) -> Result<i32> {
-    let status = command.status().context(|| format!("cannot run `{}`", line(command)))?;
-    status.code().ok_or_else(|| Failure::new(format!("`{}` was stopped: {status}", line(command))))
+    let status = command
+        .status()
+        .context(|| format!("cannot run `{}`", line(command)))?;
+    status
+        .code()
+        .ok_or_else(|| Failure::new(format!("`{}` was stopped: {status}", line(command))))
 }
 
 /// Standard output of a command that must end with 0; its error stream goes to the terminal.
 pub fn output(command: &mut Command) -> Result<String> {
-    let output = command.stderr(Stdio::inherit()).output().context(|| format!("cannot run `{}`", line(command)))?;
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .context(|| format!("cannot run `{}`", line(command)))?;
     if !output.status.success() {
-        return Err(Failure::new(format!("`{}` ended with {}", line(command), output.status)));
+        return Err(Failure::new(format!(
+            "`{}` ended with {}",
+            line(command),
+            output.status
+        )));
     }
     String::from_utf8(output.stdout).context(|| format!("output of `{}`", line(command)))
 }
@@ -60,18 +79,31 @@ pub fn json(command: &mut Command) -> Result<serde_json::Value> {
 
 /// Whether a command can be started and ends with 0; it is not heard.
 pub fn succeeds(command: &mut Command) -> bool {
-    let silent = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let silent = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     silent.status().is_ok_and(|status| status.success())
 }
 
 /// The command as one would type it, without quoting.
 pub fn line(command: &Command) -> String {
     let words = std::iter::once(command.get_program()).chain(command.get_args());
-    words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+    words
+        .map(|word| word.to_string_lossy())
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// Standard output of a command whose failure is an answer too.
 pub fn quiet_output(command: &mut Command) -> Option<String> {
-    let output = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+    let output = command
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .output()
+        .ok()?;
+    output
+        .status
+        .success()
+        .then(|| String::from_utf8_lossy(&output.stdout).into_owned())
 }

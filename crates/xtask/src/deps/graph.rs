@@ -32,21 +32,35 @@ impl Graph {
     /// From the output of `cargo metadata --format-version=1`.
     pub fn from_metadata(metadata: &Value) -> Result<Self> {
         let malformed = |what: &str| Failure::new(format!("cargo metadata: no {what}"));
-        let list = |value: &Value, what: &str| value.as_array().cloned().ok_or_else(|| malformed(what));
-        let text = |value: &Value, what: &str| value.as_str().map(String::from).ok_or_else(|| malformed(what));
+        let list =
+            |value: &Value, what: &str| value.as_array().cloned().ok_or_else(|| malformed(what));
+        let text = |value: &Value, what: &str| {
+            value
+                .as_str()
+                .map(String::from)
+                .ok_or_else(|| malformed(what))
+        };
 
         let mut graph = Self::default();
-        let member_ids: BTreeSet<String> = list(&metadata["workspace_members"], "workspace_members")?
-            .iter()
-            .map(|id| text(id, "member id"))
-            .collect::<Result<_>>()?;
+        let member_ids: BTreeSet<String> =
+            list(&metadata["workspace_members"], "workspace_members")?
+                .iter()
+                .map(|id| text(id, "member id"))
+                .collect::<Result<_>>()?;
         for package in list(&metadata["packages"], "packages")? {
-            let (id, name) = (text(&package["id"], "package id")?, text(&package["name"], "package name")?);
+            let (id, name) = (
+                text(&package["id"], "package id")?,
+                text(&package["name"], "package name")?,
+            );
             if member_ids.contains(&id) {
                 graph.members.insert(name.clone());
                 let mut declared = BTreeSet::new();
                 for dependency in list(&package["dependencies"], "dependencies")? {
-                    let kind = if dependency["kind"] == "dev" { Kind::Dev } else { Kind::Normal };
+                    let kind = if dependency["kind"] == "dev" {
+                        Kind::Dev
+                    } else {
+                        Kind::Normal
+                    };
                     declared.insert((kind, text(&dependency["name"], "dependency name")?));
                 }
                 graph.declared.insert(name.clone(), declared);
@@ -70,7 +84,11 @@ impl Graph {
     /// both ends included. The search starts behind `package` itself.
     pub fn path_to(&self, package: &str, found: impl Fn(&str) -> bool) -> Option<Vec<String>> {
         let name = |id: &str| self.names.get(id).cloned().unwrap_or_else(|| id.to_owned());
-        let start = self.names.iter().find(|(_, n)| *n == package).map(|(id, _)| id.clone())?;
+        let start = self
+            .names
+            .iter()
+            .find(|(_, n)| *n == package)
+            .map(|(id, _)| id.clone())?;
         let mut from: BTreeMap<String, String> = BTreeMap::new();
         let mut queue = std::collections::VecDeque::from([start.clone()]);
         while let Some(id) = queue.pop_front() {
@@ -96,7 +114,11 @@ pub fn locked_versions<'a>(lock: &'a str, package: &str) -> Vec<&'a str> {
     let mut versions = Vec::new();
     for entry in lock.split("[[package]]").skip(1) {
         let field = |key: &str| {
-            entry.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(" = \"")?.strip_suffix('"'))
+            entry.lines().find_map(|line| {
+                line.strip_prefix(key)?
+                    .strip_prefix(" = \"")?
+                    .strip_suffix('"')
+            })
         };
         if field("name") == Some(package) {
             versions.extend(field("version"));

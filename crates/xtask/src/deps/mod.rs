@@ -16,17 +16,31 @@ use rules::{Engine, RULES, Rule, SINGLE, engine_of};
 pub fn check() -> Result<()> {
     let metadata = workspace::json(
         // Without the packages of other platforms, which a build here does not download either.
-        workspace::cargo().args(["metadata", "--format-version=1", "--locked", "--filter-platform", &host()?]),
+        workspace::cargo().args([
+            "metadata",
+            "--format-version=1",
+            "--locked",
+            "--filter-platform",
+            &host()?,
+        ]),
     )?;
     let graph = Graph::from_metadata(&metadata)?;
     let lock_path = workspace::root().join("Cargo.lock");
-    let lock = std::fs::read_to_string(&lock_path).context(|| format!("cannot read {}", lock_path.display()))?;
+    let lock = std::fs::read_to_string(&lock_path)
+        .context(|| format!("cannot read {}", lock_path.display()))?;
 
     let mut violations = violations(RULES, &graph);
     violations.extend(duplicates(SINGLE, &lock));
-    violations.extend(feature_drift(&features("normal,build")?, &features("normal,build,dev")?));
+    violations.extend(feature_drift(
+        &features("normal,build")?,
+        &features("normal,build,dev")?,
+    ));
     if violations.is_empty() {
-        println!("{} crates keep to the table; one version each of {}", graph.members.len(), SINGLE.join(", "));
+        println!(
+            "{} crates keep to the table; one version each of {}",
+            graph.members.len(),
+            SINGLE.join(", ")
+        );
         return Ok(());
     }
     Err(Failure::new(violations.join("\n")))
@@ -36,12 +50,21 @@ pub fn check() -> Result<()> {
 fn host() -> Result<String> {
     let text = workspace::output(workspace::program("rustc").arg("-vV"))?;
     let host = text.lines().find_map(|line| line.strip_prefix("host: "));
-    host.map(String::from).ok_or_else(|| Failure::new("`rustc -vV` names no host"))
+    host.map(String::from)
+        .ok_or_else(|| Failure::new("`rustc -vV` names no host"))
 }
 
 /// `package features` of everything that is built along dependencies of the given kinds.
 fn features(edges: &str) -> Result<String> {
-    let options = ["tree", "--workspace", "--locked", "--prefix=none", "--format={p} {f}", "--edges", edges];
+    let options = [
+        "tree",
+        "--workspace",
+        "--locked",
+        "--prefix=none",
+        "--format={p} {f}",
+        "--edges",
+        edges,
+    ];
     workspace::output(workspace::cargo().args(options))
 }
 
@@ -60,21 +83,42 @@ fn violations(rules: &[Rule], graph: &Graph) -> Vec<String> {
                     || rule.may_use.contains(&name)
                     || (*kind == Kind::Dev && rule.tests_may_use.contains(&name));
                 if !allowed {
-                    let whose = if *kind == Kind::Dev { "its tests" } else { "it" };
-                    found.push(format!("{member} depends on {name}; the table does not let {whose} use that crate"));
+                    let whose = if *kind == Kind::Dev {
+                        "its tests"
+                    } else {
+                        "it"
+                    };
+                    found.push(format!(
+                        "{member} depends on {name}; the table does not let {whose} use that crate"
+                    ));
                 }
             } else if *kind == Kind::Normal && rule.only.is_some_and(|only| !only.contains(&name)) {
-                found.push(format!("{member} depends on {name}; the table allows it only {:?}", rule.only));
+                found.push(format!(
+                    "{member} depends on {name}; the table allows it only {:?}",
+                    rule.only
+                ));
             }
         }
         if rule.engine != Engine::Bevy
-            && let Some(path) = graph.path_to(member, |name| !graph.members.contains(name) && engine_of(name) > rule.engine)
+            && let Some(path) = graph.path_to(member, |name| {
+                !graph.members.contains(name) && engine_of(name) > rule.engine
+            })
         {
-            found.push(format!("{member} may reach {}, but: {}", rule.engine.in_words(), path.join(" → ")));
+            found.push(format!(
+                "{member} may reach {}, but: {}",
+                rule.engine.in_words(),
+                path.join(" → ")
+            ));
         }
     }
-    for rule in rules.iter().filter(|rule| !graph.members.contains(rule.package)) {
-        found.push(format!("the table has a row for {}, which is not in the workspace", rule.package));
+    for rule in rules
+        .iter()
+        .filter(|rule| !graph.members.contains(rule.package))
+    {
+        found.push(format!(
+            "the table has a row for {}, which is not in the workspace",
+            rule.package
+        ));
     }
     found
 }
@@ -85,7 +129,9 @@ fn duplicates(single: &[&str], lock: &str) -> Vec<String> {
         let versions = locked_versions(lock, package);
         match versions.len() {
             1 => None,
-            0 => Some(format!("Cargo.lock holds no {package}: is the list of single packages out of date?")),
+            0 => Some(format!(
+                "Cargo.lock holds no {package}: is the list of single packages out of date?"
+            )),
             _ => Some(format!(
                 "Cargo.lock holds {package} {}; see who asks for each with `cargo tree --workspace -i {package}@VERSION`",
                 versions.join(" and ")
@@ -100,10 +146,15 @@ fn duplicates(single: &[&str], lock: &str) -> Vec<String> {
 fn feature_drift(without_tests: &str, with_tests: &str) -> Vec<String> {
     // `(*)` marks a package whose dependencies were listed before.
     let lines = |text: &str| -> BTreeSet<String> {
-        text.lines().map(|line| line.trim_end_matches("(*)").trim().to_owned()).filter(|line| !line.is_empty()).collect()
+        text.lines()
+            .map(|line| line.trim_end_matches("(*)").trim().to_owned())
+            .filter(|line| !line.is_empty())
+            .collect()
     };
     let with_tests = lines(with_tests);
-    let lost = lines(without_tests).into_iter().filter(|line| !with_tests.contains(line));
+    let lost = lines(without_tests)
+        .into_iter()
+        .filter(|line| !with_tests.contains(line));
     lost.map(|line| {
         format!(
             "`{line}` gets further features through development dependencies, which builds what uses it twice; \

@@ -35,8 +35,14 @@ pub struct Rule {
     pub only: Option<&'static [&'static str]>,
 }
 
-const EVERY_LIBRARY: &[&str] =
-    &["akari_area_light", "akari_math", "akari_reference", "akari_render", "akari_scene", "bevy_akari"];
+const EVERY_LIBRARY: &[&str] = &[
+    "akari_area_light",
+    "akari_math",
+    "akari_reference",
+    "akari_render",
+    "akari_scene",
+    "bevy_akari",
+];
 /// For tests only; nothing that is published may need them.
 const TEST_TOOLS: &[&str] = &["akari_gpu_test", "akari_ltc_fit"];
 
@@ -48,8 +54,20 @@ pub const RULES: &[Rule] = &[
         engine: Engine::None,
         only: Some(&["bytemuck", "encase", "glam", "half"]),
     },
-    Rule { package: "akari_gpu_test", may_use: &[], tests_may_use: &[], engine: Engine::Device, only: None },
-    Rule { package: "akari_scene", may_use: &[], tests_may_use: &[], engine: Engine::None, only: None },
+    Rule {
+        package: "akari_gpu_test",
+        may_use: &[],
+        tests_may_use: &[],
+        engine: Engine::Device,
+        only: None,
+    },
+    Rule {
+        package: "akari_scene",
+        may_use: &[],
+        tests_may_use: &[],
+        engine: Engine::None,
+        only: None,
+    },
     Rule {
         package: "akari_reference",
         may_use: &["akari_math", "akari_scene"],
@@ -92,7 +110,13 @@ pub const RULES: &[Rule] = &[
         engine: Engine::Bevy,
         only: None,
     },
-    Rule { package: "xtask", may_use: &["akari_ltc_fit"], tests_may_use: &[], engine: Engine::None, only: None },
+    Rule {
+        package: "xtask",
+        may_use: &["akari_ltc_fit"],
+        tests_may_use: &[],
+        engine: Engine::None,
+        only: None,
+    },
     Rule {
         package: "bevy_akari_examples",
         may_use: &["bevy_akari"],
@@ -123,7 +147,11 @@ pub const SINGLE: &[&str] = &["bevy_app", "bevy_ecs", "glam", "naga", "wgpu"];
 pub fn engine_of(package: &str) -> Engine {
     if package == "bevy" || package.starts_with("bevy_") {
         Engine::Bevy
-    } else if package == "naga" || package == "wgpu" || package.starts_with("wgpu-") || package == "naga_oil" {
+    } else if package == "naga"
+        || package == "wgpu"
+        || package.starts_with("wgpu-")
+        || package == "naga_oil"
+    {
         Engine::Device
     } else {
         Engine::None

@@ -3,12 +3,20 @@ use serde_json::{Value, json};
 use super::*;
 
 fn rule(package: &'static str, may_use: &'static [&'static str], engine: Engine) -> Rule {
-    Rule { package, may_use, tests_may_use: &["helper"], engine, only: None }
+    Rule {
+        package,
+        may_use,
+        tests_may_use: &["helper"],
+        engine,
+        only: None,
+    }
 }
 
 fn package(name: &str, dependencies: &[(&str, Option<&str>)]) -> Value {
-    let dependencies: Vec<Value> =
-        dependencies.iter().map(|(name, kind)| json!({ "name": name, "kind": kind })).collect();
+    let dependencies: Vec<Value> = dependencies
+        .iter()
+        .map(|(name, kind)| json!({ "name": name, "kind": kind }))
+        .collect();
     json!({ "id": format!("id:{name}"), "name": name, "dependencies": dependencies })
 }
 
@@ -28,7 +36,10 @@ fn metadata(members: &[Value], others: &[Value]) -> Graph {
         })
         .collect();
     let ids: Vec<Value> = members.iter().map(|member| member["id"].clone()).collect();
-    Graph::from_metadata(&json!({ "workspace_members": ids, "packages": packages, "resolve": { "nodes": nodes } })).unwrap()
+    Graph::from_metadata(
+        &json!({ "workspace_members": ids, "packages": packages, "resolve": { "nodes": nodes } }),
+    )
+    .unwrap()
 }
 
 fn rules() -> Vec<Rule> {
@@ -61,8 +72,14 @@ fn outside() -> [Value; 5] {
 
 #[test]
 fn a_graph_that_keeps_to_the_table_passes() {
-    let members = members(&[("glam", None), ("helper", Some("dev"))], &[("math", None), ("bevy", None)]);
-    assert_eq!(violations(&rules(), &metadata(&members, &outside())), Vec::<String>::new());
+    let members = members(
+        &[("glam", None), ("helper", Some("dev"))],
+        &[("math", None), ("bevy", None)],
+    );
+    assert_eq!(
+        violations(&rules(), &metadata(&members, &outside())),
+        Vec::<String>::new()
+    );
 }
 
 #[test]
@@ -70,25 +87,43 @@ fn an_effect_that_uses_another_one_is_found() {
     let members = members(&[], &[("other_effect", None)]);
     let found = violations(&rules(), &metadata(&members, &outside()));
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(found[0].contains("effect depends on other_effect"), "{found:?}");
+    assert!(
+        found[0].contains("effect depends on other_effect"),
+        "{found:?}"
+    );
 }
 
 #[test]
 fn tests_may_use_what_the_crate_may_not() {
-    let found = violations(&rules(), &metadata(&members(&[("helper", None)], &[]), &outside()));
+    let found = violations(
+        &rules(),
+        &metadata(&members(&[("helper", None)], &[]), &outside()),
+    );
     // Not allowed as such, and it brings wgpu with it.
     assert_eq!(found.len(), 2, "{found:?}");
-    let found = violations(&rules(), &metadata(&members(&[("other_effect", Some("dev"))], &[]), &outside()));
+    let found = violations(
+        &rules(),
+        &metadata(&members(&[("other_effect", Some("dev"))], &[]), &outside()),
+    );
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].contains("its tests"), "{found:?}");
 }
 
 #[test]
 fn an_engine_reached_through_others_is_found_with_the_way_to_it() {
-    let found = violations(&rules(), &metadata(&members(&[("harmless", None)], &[]), &outside()));
+    let found = violations(
+        &rules(),
+        &metadata(&members(&[("harmless", None)], &[]), &outside()),
+    );
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(found[0].contains("math → harmless → bevy_math"), "{found:?}");
-    let build_script = violations(&rules(), &metadata(&members(&[("wgpu", Some("build"))], &[]), &outside()));
+    assert!(
+        found[0].contains("math → harmless → bevy_math"),
+        "{found:?}"
+    );
+    let build_script = violations(
+        &rules(),
+        &metadata(&members(&[("wgpu", Some("build"))], &[]), &outside()),
+    );
     assert_eq!(build_script.len(), 1, "{build_script:?}");
 }
 
@@ -96,10 +131,26 @@ fn an_engine_reached_through_others_is_found_with_the_way_to_it() {
 fn a_closed_list_of_outside_packages_is_kept() {
     let mut rules = rules();
     rules[0].only = Some(&["glam"]);
-    assert!(violations(&rules, &metadata(&members(&[("glam", None), ("bevy", Some("dev"))], &[]), &outside())).is_empty());
+    assert!(
+        violations(
+            &rules,
+            &metadata(
+                &members(&[("glam", None), ("bevy", Some("dev"))], &[]),
+                &outside()
+            )
+        )
+        .is_empty()
+    );
     let other = package("other", &[]);
     let others: Vec<Value> = outside().into_iter().chain([other]).collect();
-    assert_eq!(violations(&rules, &metadata(&members(&[("other", None)], &[]), &others)).len(), 1);
+    assert_eq!(
+        violations(
+            &rules,
+            &metadata(&members(&[("other", None)], &[]), &others)
+        )
+        .len(),
+        1
+    );
 }
 
 #[test]
@@ -114,14 +165,26 @@ fn rows_and_members_must_match() {
 
 #[test]
 fn a_second_engine_is_found() {
-    let entry = |name: &str, version: &str| format!("[[package]]\nname = \"{name}\"\nversion = \"{version}\"\ndependencies = [\n \"wgpu 30.0.0\",\n]\n\n");
-    let one = format!("version = 4\n\n{}{}", entry("wgpu", "29.0.4"), entry("wgpu-core", "29.0.4"));
+    let entry = |name: &str, version: &str| {
+        format!(
+            "[[package]]\nname = \"{name}\"\nversion = \"{version}\"\ndependencies = [\n \"wgpu 30.0.0\",\n]\n\n"
+        )
+    };
+    let one = format!(
+        "version = 4\n\n{}{}",
+        entry("wgpu", "29.0.4"),
+        entry("wgpu-core", "29.0.4")
+    );
     assert_eq!(duplicates(&["wgpu"], &one), Vec::<String>::new());
     let two = one.clone() + &entry("wgpu", "30.0.0");
     let found = duplicates(&["wgpu"], &two);
     assert_eq!(found.len(), 1);
     assert!(found[0].contains("29.0.4 and 30.0.0"), "{found:?}");
-    assert_eq!(duplicates(&["naga"], &one).len(), 1, "a package that is not there at all");
+    assert_eq!(
+        duplicates(&["naga"], &one).len(),
+        1,
+        "a package that is not there at all"
+    );
 }
 
 #[test]
@@ -138,13 +201,20 @@ fn features_that_tests_add_are_found() {
 /// The rows of ARCHITECTURE.md: name of the crate, and names of the workspace in its last column.
 fn documented_rows(text: &str, packages: &[&str]) -> Vec<(String, BTreeSet<String>)> {
     let names = |cell: &str| -> Vec<String> {
-        cell.split('`').skip(1).step_by(2).filter(|name| packages.contains(name)).map(String::from).collect()
+        cell.split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(|name| packages.contains(name))
+            .map(String::from)
+            .collect()
     };
     text.lines()
         .filter(|line| line.starts_with("| `"))
         .filter_map(|line| {
             let cells: Vec<&str> = line.trim_matches('|').split('|').collect();
-            let [first, .., last] = cells.as_slice() else { return None };
+            let [first, .., last] = cells.as_slice() else {
+                return None;
+            };
             Some((names(first).pop()?, names(last).into_iter().collect()))
         })
         .collect()
@@ -158,10 +228,18 @@ fn architecture_and_rules_say_the_same() {
     let rows = documented_rows(&text, &packages);
     for rule in RULES {
         let row = rows.iter().find(|(name, _)| name == rule.package);
-        let (_, allowed) = row.unwrap_or_else(|| panic!("{} is missing from the table", rule.package));
-        let expected: BTreeSet<String> = rule.may_use.iter().map(|name| (*name).to_owned()).collect();
+        let (_, allowed) =
+            row.unwrap_or_else(|| panic!("{} is missing from the table", rule.package));
+        let expected: BTreeSet<String> =
+            rule.may_use.iter().map(|name| (*name).to_owned()).collect();
         assert_eq!(*allowed, expected, "{}", rule.package);
     }
     let changed = documented_rows("| `akari_math` | purpose | `akari_render` |", &packages);
-    assert_eq!(changed, [("akari_math".to_owned(), BTreeSet::from(["akari_render".to_owned()]))]);
+    assert_eq!(
+        changed,
+        [(
+            "akari_math".to_owned(),
+            BTreeSet::from(["akari_render".to_owned()])
+        )]
+    );
 }

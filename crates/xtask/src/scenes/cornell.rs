@@ -13,11 +13,56 @@ pub fn cornell() -> Scene {
     let mut scene = Scene::new("cornell");
     scene.camera("camera", [0.0, 1.0, 3.9], [0.0, 1.0, 0.0], 39.0);
     for (name, color, corners) in [
-        ("floor", WHITE, [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 0.0, -1.0]]),
-        ("ceiling", WHITE, [[-1.0, 2.0, -1.0], [1.0, 2.0, -1.0], [1.0, 2.0, 1.0], [-1.0, 2.0, 1.0]]),
-        ("back_wall", WHITE, [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 2.0, -1.0], [-1.0, 2.0, -1.0]]),
-        ("red_wall", RED, [[-1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, 2.0, 1.0]]),
-        ("green_wall", GREEN, [[1.0, 0.0, -1.0], [1.0, 0.0, 1.0], [1.0, 2.0, 1.0], [1.0, 2.0, -1.0]]),
+        (
+            "floor",
+            WHITE,
+            [
+                [-1.0, 0.0, 1.0],
+                [1.0, 0.0, 1.0],
+                [1.0, 0.0, -1.0],
+                [-1.0, 0.0, -1.0],
+            ],
+        ),
+        (
+            "ceiling",
+            WHITE,
+            [
+                [-1.0, 2.0, -1.0],
+                [1.0, 2.0, -1.0],
+                [1.0, 2.0, 1.0],
+                [-1.0, 2.0, 1.0],
+            ],
+        ),
+        (
+            "back_wall",
+            WHITE,
+            [
+                [-1.0, 0.0, -1.0],
+                [1.0, 0.0, -1.0],
+                [1.0, 2.0, -1.0],
+                [-1.0, 2.0, -1.0],
+            ],
+        ),
+        (
+            "red_wall",
+            RED,
+            [
+                [-1.0, 0.0, 1.0],
+                [-1.0, 0.0, -1.0],
+                [-1.0, 2.0, -1.0],
+                [-1.0, 2.0, 1.0],
+            ],
+        ),
+        (
+            "green_wall",
+            GREEN,
+            [
+                [1.0, 0.0, -1.0],
+                [1.0, 0.0, 1.0],
+                [1.0, 2.0, 1.0],
+                [1.0, 2.0, -1.0],
+            ],
+        ),
     ] {
         scene.object(name, &polygon(&corners), Material::lambert(color));
     }
@@ -25,11 +70,33 @@ pub fn cornell() -> Scene {
     // The blocks end a hair above the floor: coplanar faces would leave it to rounding which one a ray meets.
     let unit = scene.geometry(&cuboid([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5]));
     for (name, material, x, z, turn, scale) in [
-        ("short_block", Material::lambert(WHITE), 0.36, 0.36, -0.30, [0.6, 0.6, 0.6]),
-        ("tall_block", Material::metal([0.92, 0.91, 0.89], 0.2), -0.36, -0.30, 0.33, [0.6, 1.2, 0.6]),
+        (
+            "short_block",
+            Material::lambert(WHITE),
+            0.36,
+            0.36,
+            -0.30,
+            [0.6, 0.6, 0.6],
+        ),
+        (
+            "tall_block",
+            Material::metal([0.92, 0.91, 0.89], 0.2),
+            -0.36,
+            -0.30,
+            0.33,
+            [0.6, 1.2, 0.6],
+        ),
     ] {
         let mesh = scene.mesh(name, unit, material);
-        scene.node(name, mesh, Placement { translation: [x, 0.001, z], rotation: about_y(turn), scale });
+        scene.node(
+            name,
+            mesh,
+            Placement {
+                translation: [x, 0.001, z],
+                rotation: about_y(turn),
+                scale,
+            },
+        );
     }
 
     let light = panel([0.0, 1.98, 0.0], [0.0, -1.0, 0.0], &rectangle(0.6, 0.5));

@@ -34,17 +34,27 @@ impl Material {
 
     /// Dielectric of index of refraction 1.5.
     pub fn dielectric(base_color: [f32; 3], roughness: f32) -> Self {
-        Self { roughness, specular: 1.0, ..Self::lambert(base_color) }
+        Self {
+            roughness,
+            specular: 1.0,
+            ..Self::lambert(base_color)
+        }
     }
 
     /// Metal with the given reflectance at normal incidence.
     pub fn metal(f0: [f32; 3], roughness: f32) -> Self {
-        Self { metallic: 1.0, ..Self::dielectric(f0, roughness) }
+        Self {
+            metallic: 1.0,
+            ..Self::dielectric(f0, roughness)
+        }
     }
 
     /// Black surface that emits `radiance` (nits).
     pub fn light(radiance: [f32; 3]) -> Self {
-        Self { emission: radiance, ..Self::lambert([0.0; 3]) }
+        Self {
+            emission: radiance,
+            ..Self::lambert([0.0; 3])
+        }
     }
 }
 
@@ -71,8 +81,15 @@ impl Scene {
         document.asset.version = "2.0";
         document.asset.generator = "bevy_akari xtask gen-assets";
         document.asset.copyright = "CC0-1.0";
-        document.scenes.push(SceneJson { name: name.into(), nodes: Vec::new() });
-        Self { document, geometries: Vec::new(), bin: Vec::new() }
+        document.scenes.push(SceneJson {
+            name: name.into(),
+            nodes: Vec::new(),
+        });
+        Self {
+            document,
+            geometries: Vec::new(),
+            bin: Vec::new(),
+        }
     }
 
     /// Vertices and triangles, to be shared by any number of meshes.
@@ -84,30 +101,55 @@ impl Scene {
         } else {
             self.floats(&mesh.normals, Some(BufferTarget::Vertices), false)
         };
-        let uvs = (!mesh.uvs.is_empty()).then(|| self.floats(&mesh.uvs, Some(BufferTarget::Vertices), false));
-        let bytes: Vec<u8> = mesh.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        let uvs = (!mesh.uvs.is_empty())
+            .then(|| self.floats(&mesh.uvs, Some(BufferTarget::Vertices), false));
+        let bytes: Vec<u8> = mesh
+            .indices
+            .iter()
+            .flat_map(|index| index.to_le_bytes())
+            .collect();
         let view = self.view(&bytes, Some(BufferTarget::Indices));
         let indices = self.accessor(view, COMPONENT_U16, mesh.indices.len(), "SCALAR", None);
-        self.geometries.push(Geometry { positions, normals, uvs, indices });
+        self.geometries.push(Geometry {
+            positions,
+            normals,
+            uvs,
+            indices,
+        });
         GeometryId(self.geometries.len() - 1)
     }
 
     /// Texture from an encoded PNG file, repeated at its borders as glTF does by default.
     pub fn texture(&mut self, name: &str, png: &[u8]) -> TextureId {
         let buffer_view = self.view(png, None);
-        self.document.images.push(Image { name: name.into(), mime_type: "image/png", buffer_view });
-        self.document.textures.push(Texture { source: self.document.images.len() - 1 });
+        self.document.images.push(Image {
+            name: name.into(),
+            mime_type: "image/png",
+            buffer_view,
+        });
+        self.document.textures.push(Texture {
+            source: self.document.images.len() - 1,
+        });
         TextureId(self.document.textures.len() - 1)
     }
 
     /// One primitive: a geometry in a material.
     pub fn mesh(&mut self, name: &str, geometry: GeometryId, material: Material) -> MeshId {
-        let Geometry { positions, normals, uvs, indices } = self.geometries[geometry.0];
+        let Geometry {
+            positions,
+            normals,
+            uvs,
+            indices,
+        } = self.geometries[geometry.0];
         let material = self.material(name, material);
         self.document.meshes.push(MeshJson {
             name: name.into(),
             primitives: [Primitive {
-                attributes: Attributes { position: positions, normal: normals, texcoord: uvs },
+                attributes: Attributes {
+                    position: positions,
+                    normal: normals,
+                    texcoord: uvs,
+                },
                 indices,
                 material,
             }],
@@ -141,7 +183,10 @@ impl Scene {
         self.document.cameras.push(Camera {
             name: name.into(),
             kind: "perspective",
-            perspective: Perspective { yfov: vertical_fov_degrees.to_radians() as f32, znear: 0.05 },
+            perspective: Perspective {
+                yfov: vertical_fov_degrees.to_radians() as f32,
+                znear: 0.05,
+            },
         });
         let camera = Some(self.document.cameras.len() - 1);
         self.push_node(Node {
@@ -157,11 +202,19 @@ impl Scene {
     /// The file.
     pub fn finish(mut self) -> Vec<u8> {
         pad(&mut self.bin, 0);
-        self.document.buffers.push(Buffer { byte_length: self.bin.len() });
+        self.document.buffers.push(Buffer {
+            byte_length: self.bin.len(),
+        });
         for material in &self.document.materials {
             for (used, extension) in [
-                (material.extensions.emissive_strength.is_some(), "KHR_materials_emissive_strength"),
-                (material.extensions.specular.is_some(), "KHR_materials_specular"),
+                (
+                    material.extensions.emissive_strength.is_some(),
+                    "KHR_materials_emissive_strength",
+                ),
+                (
+                    material.extensions.specular.is_some(),
+                    "KHR_materials_specular",
+                ),
             ] {
                 if used && !self.document.extensions_used.contains(&extension) {
                     self.document.extensions_used.push(extension);
@@ -175,7 +228,11 @@ impl Scene {
         let mut file = b"glTF".to_vec();
         file.extend(2u32.to_le_bytes());
         let length = 12 + 8 + json.len() + 8 + self.bin.len();
-        file.extend(u32::try_from(length).expect("a scene of a few MB").to_le_bytes());
+        file.extend(
+            u32::try_from(length)
+                .expect("a scene of a few MB")
+                .to_le_bytes(),
+        );
         for (kind, chunk) in [(b"JSON", &json), (b"BIN\0", &self.bin)] {
             file.extend((chunk.len() as u32).to_le_bytes());
             file.extend(kind);
@@ -186,7 +243,9 @@ impl Scene {
 
     fn push_node(&mut self, node: Node) {
         self.document.nodes.push(node);
-        self.document.scenes[0].nodes.push(self.document.nodes.len() - 1);
+        self.document.scenes[0]
+            .nodes
+            .push(self.document.nodes.len() - 1);
     }
 
     fn material(&mut self, name: &str, material: Material) -> usize {
@@ -196,15 +255,26 @@ impl Scene {
         self.document.materials.push(MaterialJson {
             name: name.into(),
             pbr_metallic_roughness: MetallicRoughness {
-                base_color_factor: [material.base_color[0], material.base_color[1], material.base_color[2], 1.0],
+                base_color_factor: [
+                    material.base_color[0],
+                    material.base_color[1],
+                    material.base_color[2],
+                    1.0,
+                ],
                 metallic_factor: material.metallic,
                 roughness_factor: material.roughness,
             },
             emissive_factor: emits.then(|| material.emission.map(|channel| channel / peak)),
-            emissive_texture: material.emissive_texture.map(|TextureId(index)| TextureInfo { index }),
+            emissive_texture: material
+                .emissive_texture
+                .map(|TextureId(index)| TextureInfo { index }),
             extensions: Extensions {
-                emissive_strength: emits.then_some(EmissiveStrength { emissive_strength: peak }),
-                specular: (material.specular != 1.0).then_some(Specular { specular_factor: material.specular }),
+                emissive_strength: emits.then_some(EmissiveStrength {
+                    emissive_strength: peak,
+                }),
+                specular: (material.specular != 1.0).then_some(Specular {
+                    specular_factor: material.specular,
+                }),
             },
         });
         self.document.materials.len() - 1
@@ -217,11 +287,24 @@ impl Scene {
         with_bounds: bool,
     ) -> usize {
         let rounded: Vec<[f32; N]> = values.iter().map(|v| v.map(|x| x as f32)).collect();
-        let bytes: Vec<u8> = rounded.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        let bytes: Vec<u8> = rounded
+            .iter()
+            .flatten()
+            .flat_map(|x| x.to_le_bytes())
+            .collect();
         // Of the numbers as stored: a reader compares them with the stored ones.
         let bounds = with_bounds.then(|| Bounds {
-            min: (0..N).map(|i| rounded.iter().map(|v| v[i]).fold(f32::INFINITY, f32::min)).collect(),
-            max: (0..N).map(|i| rounded.iter().map(|v| v[i]).fold(f32::NEG_INFINITY, f32::max)).collect(),
+            min: (0..N)
+                .map(|i| rounded.iter().map(|v| v[i]).fold(f32::INFINITY, f32::min))
+                .collect(),
+            max: (0..N)
+                .map(|i| {
+                    rounded
+                        .iter()
+                        .map(|v| v[i])
+                        .fold(f32::NEG_INFINITY, f32::max)
+                })
+                .collect(),
         });
         let view = self.view(&bytes, target);
         let kind = if N == 2 { "VEC2" } else { "VEC3" };
@@ -249,7 +332,13 @@ impl Scene {
         kind: &'static str,
         bounds: Option<Bounds>,
     ) -> usize {
-        self.document.accessors.push(Accessor { buffer_view, component_type, count, kind, bounds });
+        self.document.accessors.push(Accessor {
+            buffer_view,
+            component_type,
+            count,
+            kind,
+            bounds,
+        });
         self.document.accessors.len() - 1
     }
 }
@@ -265,7 +354,11 @@ pub struct Placement {
 
 impl Default for Placement {
     fn default() -> Self {
-        Self { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0], scale: [1.0; 3] }
+        Self {
+            translation: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            scale: [1.0; 3],
+        }
     }
 }
 
@@ -417,9 +510,15 @@ struct TextureInfo {
 
 #[derive(Serialize)]
 struct Extensions {
-    #[serde(rename = "KHR_materials_emissive_strength", skip_serializing_if = "Option::is_none")]
+    #[serde(
+        rename = "KHR_materials_emissive_strength",
+        skip_serializing_if = "Option::is_none"
+    )]
     emissive_strength: Option<EmissiveStrength>,
-    #[serde(rename = "KHR_materials_specular", skip_serializing_if = "Option::is_none")]
+    #[serde(
+        rename = "KHR_materials_specular",
+        skip_serializing_if = "Option::is_none"
+    )]
     specular: Option<Specular>,
 }
 

@@ -28,10 +28,22 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
         ("floor_light.glb", small::floor_light().finish()),
         ("gallery.glb", gallery::gallery().finish()),
         ("many_lights.glb", small::many_lights().finish()),
-        ("spheres_hexagon.glb", spheres::spheres(spheres::Light::Hexagon).finish()),
-        ("spheres_quad.glb", spheres::spheres(spheres::Light::Quad).finish()),
-        ("spheres_textured.glb", spheres::spheres(spheres::Light::Textured).finish()),
-        ("spheres_triangle.glb", spheres::spheres(spheres::Light::Triangle).finish()),
+        (
+            "spheres_hexagon.glb",
+            spheres::spheres(spheres::Light::Hexagon).finish(),
+        ),
+        (
+            "spheres_quad.glb",
+            spheres::spheres(spheres::Light::Quad).finish(),
+        ),
+        (
+            "spheres_textured.glb",
+            spheres::spheres(spheres::Light::Textured).finish(),
+        ),
+        (
+            "spheres_triangle.glb",
+            spheres::spheres(spheres::Light::Triangle).finish(),
+        ),
     ]
 }
 
@@ -48,8 +60,14 @@ pub fn generate(folder: &Path) -> Result<()> {
 
 /// The files of `folder` that are missing or differ from what [`generate`] would write.
 pub fn outdated(folder: &Path) -> Vec<String> {
-    let differs = |(name, bytes): &(&str, Vec<u8>)| std::fs::read(folder.join(name)).ok().as_ref() != Some(bytes);
-    all().into_iter().filter(differs).map(|(name, _)| folder.join(name).display().to_string()).collect()
+    let differs = |(name, bytes): &(&str, Vec<u8>)| {
+        std::fs::read(folder.join(name)).ok().as_ref() != Some(bytes)
+    };
+    all()
+        .into_iter()
+        .filter(differs)
+        .map(|(name, _)| folder.join(name).display().to_string())
+        .collect()
 }
 
 #[cfg(test)]

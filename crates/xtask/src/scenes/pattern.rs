@@ -8,7 +8,9 @@ pub const HEIGHT: u32 = 64;
 
 /// The pattern as a PNG file (sRGB encoded, as glTF reads emissive textures).
 pub fn png() -> Vec<u8> {
-    let pixels: Vec<[u8; 3]> = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| pixel(x, y))).collect();
+    let pixels: Vec<[u8; 3]> = (0..HEIGHT)
+        .flat_map(|y| (0..WIDTH).map(move |x| pixel(x, y)))
+        .collect();
     png::encode(WIDTH, HEIGHT, &pixels)
 }
 
@@ -33,5 +35,6 @@ fn pixel(x: u32, y: u32) -> [u8; 3] {
     let (dx, dy) = (x as i32 - 72, y as i32 - 28);
     let falloff = 255 - (((dx * dx + dy * dy) * 255) / (18 * 18)).min(255);
     let mix = |top: u32, bottom: u32| (top * (255 - vertical) + bottom * vertical) / 255;
-    [mix(70, 255), mix(30, 110), mix(140, 20)].map(|channel| (channel + falloff as u32).min(255) as u8)
+    [mix(70, 255), mix(30, 110), mix(140, 20)]
+        .map(|channel| (channel + falloff as u32).min(255) as u8)
 }

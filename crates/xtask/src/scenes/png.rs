@@ -3,7 +3,11 @@
 
 /// PNG of `width` × `height` pixels, row by row from the top left.
 pub fn encode(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
-    assert_eq!(pixels.len(), width as usize * height as usize, "pixel count of the image");
+    assert_eq!(
+        pixels.len(),
+        width as usize * height as usize,
+        "pixel count of the image"
+    );
     let mut header = Vec::new();
     header.extend(width.to_be_bytes());
     header.extend(height.to_be_bytes());
@@ -53,7 +57,11 @@ fn crc32(data: &[u8]) -> u32 {
     for &byte in data {
         crc ^= u32::from(byte);
         for _ in 0..8 {
-            crc = if crc & 1 == 1 { crc >> 1 ^ 0xEDB8_8320 } else { crc >> 1 };
+            crc = if crc & 1 == 1 {
+                crc >> 1 ^ 0xEDB8_8320
+            } else {
+                crc >> 1
+            };
         }
     }
     !crc

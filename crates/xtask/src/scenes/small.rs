@@ -26,14 +26,34 @@ pub fn empty() -> Scene {
     let mut scene = Scene::new("empty");
     scene.camera("camera", [0.0, 2.0, 4.0], [0.0, 0.4, 0.0], 45.0);
     scene.object("floor", &floor(6.0), Material::lambert([FLOOR_ALBEDO; 3]));
-    scene.object("block", &cuboid([-1.4, 0.0, -0.4], [-0.6, 0.8, 0.4]), Material::lambert([0.6, 0.2, 0.1]));
+    scene.object(
+        "block",
+        &cuboid([-1.4, 0.0, -0.4], [-0.6, 0.8, 0.4]),
+        Material::lambert([0.6, 0.2, 0.1]),
+    );
     let sphere = scene.geometry(&unit_sphere(SPHERE_SEGMENTS, SPHERE_RINGS));
     for (name, x, material) in [
-        ("metal_sphere", 0.1, Material::metal([0.95, 0.93, 0.88], 0.3)),
-        ("dielectric_sphere", 1.1, Material::dielectric([0.1, 0.3, 0.6], 0.4)),
+        (
+            "metal_sphere",
+            0.1,
+            Material::metal([0.95, 0.93, 0.88], 0.3),
+        ),
+        (
+            "dielectric_sphere",
+            1.1,
+            Material::dielectric([0.1, 0.3, 0.6], 0.4),
+        ),
     ] {
         let mesh = scene.mesh(name, sphere, material);
-        scene.node(name, mesh, Placement { translation: [x, 0.45, 0.0], scale: [0.4; 3], ..Placement::default() });
+        scene.node(
+            name,
+            mesh,
+            Placement {
+                translation: [x, 0.45, 0.0],
+                scale: [0.4; 3],
+                ..Placement::default()
+            },
+        );
     }
     scene
 }
@@ -84,7 +104,11 @@ pub fn many_lights() -> Scene {
             ..Placement::default()
         };
         // Neighbours differ in colour, so that a light taken for another one shows.
-        scene.node(&format!("light_{i:04}"), lights[((column + 2 * row) % 4) as usize], placement);
+        scene.node(
+            &format!("light_{i:04}"),
+            lights[((column + 2 * row) % 4) as usize],
+            placement,
+        );
     }
     scene
 }

@@ -25,7 +25,11 @@ pub enum Light {
 /// Centres of the spheres: four at the back, three in the gaps before them.
 pub fn centers() -> [Vec3; 7] {
     std::array::from_fn(|i| {
-        let (x, z) = if i < 4 { (i as f64 * 1.1 - 1.65, -0.55) } else { ((i - 4) as f64 * 1.1 - 1.1, 0.55) };
+        let (x, z) = if i < 4 {
+            (i as f64 * 1.1 - 1.65, -0.55)
+        } else {
+            ((i - 4) as f64 * 1.1 - 1.1, 0.55)
+        };
         [x, RADIUS + GAP, z]
     })
 }
@@ -48,7 +52,15 @@ pub fn spheres(light: Light) -> Scene {
     for (roughness, center) in ROUGHNESS.into_iter().zip(centers()) {
         let name = format!("sphere_roughness_{roughness:.2}");
         let mesh = scene.mesh(&name, sphere, Material::metal([1.0; 3], roughness));
-        scene.node(&name, mesh, Placement { translation: center, scale: [RADIUS; 3], ..Placement::default() });
+        scene.node(
+            &name,
+            mesh,
+            Placement {
+                translation: center,
+                scale: [RADIUS; 3],
+                ..Placement::default()
+            },
+        );
     }
 
     let outline = match light {

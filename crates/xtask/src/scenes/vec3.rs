@@ -20,7 +20,11 @@ pub fn dot(a: Vec3, b: Vec3) -> f64 {
 }
 
 pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 /// `a / |a|`; callers pass vectors that are non-zero by construction.
@@ -34,7 +38,11 @@ pub fn normalize(a: Vec3) -> Vec3 {
 pub fn frame(back: Vec3) -> [Vec3; 3] {
     let back = normalize(back);
     // Within 0.6° of the vertical the cross product with +Y loses its digits.
-    let up_hint = if back[1].abs() > 0.99995 { [0.0, 0.0, -1.0] } else { [0.0, 1.0, 0.0] };
+    let up_hint = if back[1].abs() > 0.99995 {
+        [0.0, 0.0, -1.0]
+    } else {
+        [0.0, 1.0, 0.0]
+    };
     let right = normalize(cross(up_hint, back));
     [right, cross(back, right), back]
 }
@@ -44,16 +52,47 @@ pub fn frame(back: Vec3) -> [Vec3; 3] {
 pub fn quaternion(axes: [Vec3; 3]) -> [f64; 4] {
     let [x, y, z] = axes;
     let (m00, m11, m22) = (x[0], y[1], z[2]);
-    let candidates = [1.0 + m00 - m11 - m22, 1.0 - m00 + m11 - m22, 1.0 - m00 - m11 + m22, 1.0 + m00 + m11 + m22];
-    let largest = (0..4).fold(0, |best, i| if candidates[i] > candidates[best] { i } else { best });
+    let candidates = [
+        1.0 + m00 - m11 - m22,
+        1.0 - m00 + m11 - m22,
+        1.0 - m00 - m11 + m22,
+        1.0 + m00 + m11 + m22,
+    ];
+    let largest = (0..4).fold(0, |best, i| {
+        if candidates[i] > candidates[best] {
+            i
+        } else {
+            best
+        }
+    });
     let twice = candidates[largest].sqrt();
     let s = 0.5 / twice;
     let half = 0.5 * twice;
     match largest {
-        0 => [half, (y[0] + x[1]) * s, (z[0] + x[2]) * s, (y[2] - z[1]) * s],
-        1 => [(y[0] + x[1]) * s, half, (z[1] + y[2]) * s, (z[0] - x[2]) * s],
-        2 => [(z[0] + x[2]) * s, (z[1] + y[2]) * s, half, (x[1] - y[0]) * s],
-        _ => [(y[2] - z[1]) * s, (z[0] - x[2]) * s, (x[1] - y[0]) * s, half],
+        0 => [
+            half,
+            (y[0] + x[1]) * s,
+            (z[0] + x[2]) * s,
+            (y[2] - z[1]) * s,
+        ],
+        1 => [
+            (y[0] + x[1]) * s,
+            half,
+            (z[1] + y[2]) * s,
+            (z[0] - x[2]) * s,
+        ],
+        2 => [
+            (z[0] + x[2]) * s,
+            (z[1] + y[2]) * s,
+            half,
+            (x[1] - y[0]) * s,
+        ],
+        _ => [
+            (y[2] - z[1]) * s,
+            (z[0] - x[2]) * s,
+            (x[1] - y[0]) * s,
+            half,
+        ],
     }
 }
 
@@ -69,16 +108,29 @@ mod tests {
 
     #[test]
     fn quaternion_turns_the_axes_into_the_frame() {
-        for back in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 2.0, -3.0], [-1.0, 0.2, 0.1]] {
+        for back in [
+            [0.0, 0.0, 1.0],
+            [0.0, 0.0, -1.0],
+            [0.0, 1.0, 0.0],
+            [0.0, -1.0, 0.0],
+            [1.0, 2.0, -3.0],
+            [-1.0, 0.2, 0.1],
+        ] {
             let axes = frame(back);
             let q = quaternion(axes);
             for (i, axis) in axes.iter().enumerate() {
                 let mut unit = [0.0; 3];
                 unit[i] = 1.0;
                 let error = sub(rotate(q, unit), *axis);
-                assert!(dot(error, error) < 1e-24, "{back:?}: axis {i} is off by {error:?}");
+                assert!(
+                    dot(error, error) < 1e-24,
+                    "{back:?}: axis {i} is off by {error:?}"
+                );
             }
-            assert!((dot(cross(axes[0], axes[1]), axes[2]) - 1.0).abs() < 1e-12, "{back:?}: not right-handed");
+            assert!(
+                (dot(cross(axes[0], axes[1]), axes[2]) - 1.0).abs() < 1e-12,
+                "{back:?}: not right-handed"
+            );
         }
     }
 }

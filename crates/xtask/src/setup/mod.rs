@@ -62,12 +62,19 @@ pub fn prepare(options: Options) -> Result<()> {
     if still.is_empty() {
         return Ok(());
     }
-    Err(Failure::new(format!("the installation ended well, and yet there is no sign of {}", words(&still))))
+    Err(Failure::new(format!(
+        "the installation ended well, and yet there is no sign of {}",
+        words(&still)
+    )))
 }
 
 /// Installs Mesa's driver although driver files were found: none of them has a device.
 pub fn install_software_driver(options: Options) -> Result<()> {
-    install(&System::detect(), &[Need::VulkanLoader, Need::VulkanDriver], options)
+    install(
+        &System::detect(),
+        &[Need::VulkanLoader, Need::VulkanDriver],
+        options,
+    )
 }
 
 /// What a system lacks. Only Linux needs anything that does not come with it or with Rust.
@@ -89,7 +96,11 @@ fn missing(system: &System) -> Vec<Need> {
 }
 
 fn words(needs: &[Need]) -> String {
-    needs.iter().map(|need| need.in_words()).collect::<Vec<_>>().join(", ")
+    needs
+        .iter()
+        .map(|need| need.in_words())
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 fn install(system: &System, needs: &[Need], options: Options) -> Result<()> {
@@ -100,13 +111,23 @@ fn install(system: &System, needs: &[Need], options: Options) -> Result<()> {
     let mut as_root: Vec<&str> = Vec::new();
     if !system.root {
         if !workspace::succeeds(workspace::program("sudo").arg("--version")) {
-            return Err(Failure::new(format!("{manual} (this user is not root, and there is no sudo)")));
+            return Err(Failure::new(format!(
+                "{manual} (this user is not root, and there is no sudo)"
+            )));
         }
         as_root.push("sudo");
     }
-    println!("      installing through apt: {}", packages(needs).join(" "));
+    println!(
+        "      installing through apt: {}",
+        packages(needs).join(" ")
+    );
     let apt = |words: &[&str]| {
-        let command: Vec<&str> = as_root.iter().chain(["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"].iter()).chain(words).copied().collect();
+        let command: Vec<&str> = as_root
+            .iter()
+            .chain(["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"].iter())
+            .chain(words)
+            .copied()
+            .collect();
         println!("      $ {}", command.join(" "));
         workspace::run(workspace::program(command[0]).args(&command[1..]))
     };
@@ -114,10 +135,13 @@ fn install(system: &System, needs: &[Need], options: Options) -> Result<()> {
     if let Err(failure) = apt(&["update"]) {
         println!("      {failure}; going on with the package index that is there");
     }
-    let policy = workspace::output(workspace::program("apt-cache").args(["policy", "mesa-vulkan-drivers"])).unwrap_or_default();
+    let policy =
+        workspace::output(workspace::program("apt-cache").args(["policy", "mesa-vulkan-drivers"]))
+            .unwrap_or_default();
     let plan = install_arguments(needs, backports_suite(&policy));
     for arguments in plan {
-        apt(&arguments.iter().map(String::as_str).collect::<Vec<_>>()).map_err(|failure| Failure::new(format!("{failure}. {manual}")))?;
+        apt(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
+            .map_err(|failure| Failure::new(format!("{failure}. {manual}")))?;
     }
     Ok(())
 }
@@ -131,12 +155,23 @@ fn packages(needs: &[Need]) -> Vec<&'static str> {
 fn install_arguments(needs: &[Need], backports: Option<String>) -> Vec<Vec<String>> {
     let call = |suite: Option<&str>, packages: &[&str]| {
         // Another apt (unattended upgrades after a first boot) is waited for.
-        let mut words = vec!["-o", "DPkg::Lock::Timeout=300", "install", "--yes", "--no-install-recommends"];
-        words.extend(suite.into_iter().flat_map(|suite| ["--target-release", suite]));
+        let mut words = vec![
+            "-o",
+            "DPkg::Lock::Timeout=300",
+            "install",
+            "--yes",
+            "--no-install-recommends",
+        ];
+        words.extend(
+            suite
+                .into_iter()
+                .flat_map(|suite| ["--target-release", suite]),
+        );
         words.extend(packages);
         words.into_iter().map(String::from).collect::<Vec<_>>()
     };
-    let (mesa, others): (Vec<Need>, Vec<Need>) = needs.iter().partition(|need| **need == Need::VulkanDriver);
+    let (mesa, others): (Vec<Need>, Vec<Need>) =
+        needs.iter().partition(|need| **need == Need::VulkanDriver);
     match backports {
         Some(suite) if !mesa.is_empty() => {
             let mut plan = Vec::new();
@@ -152,8 +187,13 @@ fn install_arguments(needs: &[Need], backports: Option<String>) -> Vec<Vec<Strin
 
 /// Name of a backports suite that offers the package whose `apt-cache policy` this is.
 fn backports_suite(policy: &str) -> Option<String> {
-    let suites = policy.split_whitespace().filter_map(|word| word.split('/').next());
-    suites.filter(|suite| suite.ends_with("-backports")).map(String::from).next()
+    let suites = policy
+        .split_whitespace()
+        .filter_map(|word| word.split('/').next());
+    suites
+        .filter(|suite| suite.ends_with("-backports"))
+        .map(String::from)
+        .next()
 }
 
 /// What to install by hand.
@@ -161,10 +201,10 @@ fn advice(system: &System, needs: &[Need]) -> String {
     let compiler = needs.contains(&Need::CppCompiler);
     let vulkan = needs.iter().any(|need| *need != Need::CppCompiler);
     let line = |command: &str, compiler_package: &str, vulkan_packages: &str| {
-        let mut words = vec![command];
-        words.extend(compiler.then_some(compiler_package));
-        words.extend(vulkan.then_some(vulkan_packages));
-        format!("please install {}: {}", words(needs), words.join(" "))
+        let mut parts = vec![command];
+        parts.extend(compiler.then_some(compiler_package));
+        parts.extend(vulkan.then_some(vulkan_packages));
+        format!("please install {}: {}", words(needs), parts.join(" "))
     };
     match system.family {
         Family::Debian => format!("please install {}: sudo apt-get install {}", words(needs), packages(needs).join(" ")),
@@ -191,15 +231,26 @@ fn driver_manifests(variable: impl Fn(&str) -> Option<String>) -> Vec<PathBuf> {
         }
     }
     let home = variable("HOME").map(PathBuf::from);
-    let in_home = |folder: &str| home.iter().map(|home| home.join(folder)).collect::<Vec<_>>();
-    let list = |name: &str, default: Vec<PathBuf>| match variable(name).filter(|list| !list.is_empty()) {
-        Some(list) => std::env::split_paths(&list).collect(),
-        None => default,
+    let in_home = |folder: &str| {
+        home.iter()
+            .map(|home| home.join(folder))
+            .collect::<Vec<_>>()
     };
+    let list =
+        |name: &str, default: Vec<PathBuf>| match variable(name).filter(|list| !list.is_empty()) {
+            Some(list) => std::env::split_paths(&list).collect(),
+            None => default,
+        };
     let mut folders = list("XDG_CONFIG_HOME", in_home(".config"));
     folders.extend(list("XDG_CONFIG_DIRS", vec!["/etc/xdg".into()]));
     folders.extend(["/usr/local/etc".into(), "/etc".into()]);
     folders.extend(list("XDG_DATA_HOME", in_home(".local/share")));
-    folders.extend(list("XDG_DATA_DIRS", vec!["/usr/local/share".into(), "/usr/share".into()]));
-    folders.into_iter().map(|folder| folder.join("vulkan/icd.d")).collect()
+    folders.extend(list(
+        "XDG_DATA_DIRS",
+        vec!["/usr/local/share".into(), "/usr/share".into()],
+    ));
+    folders
+        .into_iter()
+        .map(|folder| folder.join("vulkan/icd.d"))
+        .collect()
 }

@@ -1,1 +1,47 @@
 //! Spherical Gaussians, GGX, linearly transformed cosines and polygons: each function in Rust and in WGSL.
+//!
+//! Every WGSL function has a Rust twin of the same name, order of operations, branches and literals in the file beside
+//! it (`sg/lobe.rs`, `sg/lobe.wgsl`). WGSL import paths are the crate and the file path: `akari_math::sg::lobe`. The
+//! WGSL reads no bindings and no globals, so that any kernel can import it; [`WGSL_MODULES`] lists the sources in the
+//! order in which they depend on each other.
+//!
+//! Three levels of tests: the formulas in f64 ([`oracle`]) tell whether a Rust twin is accurate, and the twin tells
+//! whether the WGSL is the same formula on the device at hand. The twin table (`tests/twins`) holds the domain and the
+//! error budget of every function; each budget is shown to fail for a mutated source.
+//!
+//! No function returns infinity or NaN for input in its domain, since WGSL implementations may assume that neither
+//! occurs: every denominator is guarded before the division.
+
+pub mod area_light;
+pub mod form_factor;
+pub mod frame;
+pub mod ggx;
+pub mod light_image;
+pub mod lobe_packing;
+pub mod ltc;
+pub mod octahedral;
+pub mod oracle;
+pub mod outline;
+pub mod polygon;
+pub mod sg;
+pub mod special;
+pub mod tile_bounds;
+
+/// Import path and source of every WGSL module of this crate, each after the modules that it imports.
+///
+/// The file of `akari_math::a::b` is `src/a/b.wgsl`.
+pub const WGSL_MODULES: &[(&str, &str)] = &[
+    ("akari_math::special", include_str!("special.wgsl")),
+    ("akari_math::frame", include_str!("frame.wgsl")),
+    ("akari_math::octahedral", include_str!("octahedral.wgsl")),
+    ("akari_math::lobe_packing", include_str!("lobe_packing.wgsl")),
+    ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
+    ("akari_math::ggx", include_str!("ggx.wgsl")),
+    ("akari_math::polygon", include_str!("polygon.wgsl")),
+    ("akari_math::form_factor", include_str!("form_factor.wgsl")),
+    ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),
+    ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),
+    ("akari_math::area_light", include_str!("area_light.wgsl")),
+    ("akari_math::tile_bounds", include_str!("tile_bounds.wgsl")),
+    ("akari_math::light_image", include_str!("light_image.wgsl")),
+];

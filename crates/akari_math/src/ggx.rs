@@ -1,0 +1,122 @@
+//! GGX: distribution, masking, Fresnel, and the spherical Gaussian nearest to its reflection.
+//!
+//! `alpha` is perceptual roughness squared, in `[0, 1]`; vectors are unit and in one space.
+//!
+//! WGSL module: `akari_math::ggx`.
+
+use crate::special::{TINY, safe_normalize};
+use glam::Vec3;
+
+const INV_PI: f32 = 0.318_309_89;
+/// Smallest alpha of the distribution and of masking: below it the peak of the distribution, `1/(π α²)`, leaves the
+/// range in which f32 products of it are finite.
+pub const MIN_ALPHA: f32 = 1e-5;
+const MIN_V_DOT_M: f32 = 1e-4;
+const SHARPNESS_PER_ALPHA: f32 = 1.8;
+
+/// Spherical Gaussian of a GGX reflection.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReflectionLobe {
+    /// Unit axis.
+    pub axis: Vec3,
+    /// 1 / sharpness; 0 for a mirror, at most 1/1.8.
+    pub inverse_sharpness: f32,
+}
+
+/// GGX distribution of normals `D(h) = (α/d)²/π`, `d = α² (n·h)² + |n × h|²`, in 1/sr.
+///
+/// Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33. The usual
+/// `((α² − 1)(n·h)² + 1)` cancels near the peak: relative error 0.68 at α = 1e-3 in f32. Here `n × h` is computed as
+/// `n × (h − n)`, relative error below 2e-6 for α from 1e-5 to 1 within the peak (test `twins`). α is at least
+/// [`MIN_ALPHA`].
+#[must_use]
+pub fn ggx_ndf(normal: Vec3, half_vector: Vec3, alpha: f32) -> f32 {
+    let a = alpha.max(MIN_ALPHA);
+    let cosine = normal.dot(half_vector);
+    let sine = normal.cross(half_vector - normal);
+    let scaled = a / (a * a * cosine * cosine + sine.dot(sine));
+    scaled * scaled * INV_PI
+}
+
+/// `√(c² + α² (1 − c²))`, which Smith's masking is made of. Relative error 3e-7.
+#[must_use]
+pub fn smith_root(cosine: f32, alpha: f32) -> f32 {
+    let a = alpha.max(MIN_ALPHA);
+    (cosine * cosine + a * a * (1.0 - cosine * cosine).max(0.0)).sqrt()
+}
+
+/// Smith's masking `G1 = 2c / (c + √(c² + α²(1 − c²)))` for `c = n·v`; 0 below the surface.
+///
+/// Walter et al. 2007, eq. 34. Relative error 5e-7.
+#[must_use]
+pub fn smith_masking(n_dot_v: f32, alpha: f32) -> f32 {
+    let c = n_dot_v.max(0.0);
+    2.0 * c / (c + smith_root(c, alpha))
+}
+
+/// Height-correlated masking and shadowing over `4 (n·v) (n·l)`, in 1: `0.5 / (l √… + v √…)`.
+///
+/// Heitz 2014, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", eq. 99. Finite at grazing
+/// incidence; the largest value is of the order of `1/α²` times the inverse cosine. Relative error 6e-7.
+#[must_use]
+pub fn smith_visibility(n_dot_v: f32, n_dot_l: f32, alpha: f32) -> f32 {
+    let v = n_dot_v.max(0.0);
+    let l = n_dot_l.max(0.0);
+    0.5 / (l * smith_root(v, alpha) + v * smith_root(l, alpha)).max(TINY)
+}
+
+/// Height-correlated masking and shadowing `G2`, in `[0, 1]`; 0 below the surface. Heitz 2014, eq. 99.
+/// Relative error 6e-7.
+#[must_use]
+pub fn smith_masking_shadowing(n_dot_v: f32, n_dot_l: f32, alpha: f32) -> f32 {
+    let v = n_dot_v.max(0.0);
+    let l = n_dot_l.max(0.0);
+    2.0 * v * l / (l * smith_root(v, alpha) + v * smith_root(l, alpha)).max(TINY)
+}
+
+/// Fresnel reflectance `f0 + (f90 − f0)(1 − v·h)⁵`.
+///
+/// Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", eq. 15, with an explicit value at grazing
+/// incidence. Absolute error 4e-7.
+#[must_use]
+pub fn fresnel_schlick(f0: Vec3, f90: f32, v_dot_h: f32) -> Vec3 {
+    let m = 1.0 - v_dot_h.clamp(0.0, 1.0);
+    let m_squared = m * m;
+    f0 + (Vec3::splat(f90) - f0) * (m_squared * m_squared * m)
+}
+
+/// Unit normal of the microfacets that the view sees most of: `normalize(α² v_t + (t + v_n) n)`,
+/// `t = √(α² |v_t|² + v_n²)`, with `v_t` and `v_n` the view's parts along the surface and the normal.
+///
+/// Tokuyoshi, Ikeda, Kulkarni, Harada 2024, "Hierarchical Light Sampling with Accurate Spherical Gaussian Lighting".
+/// Below the surface `t + v_n` is computed without cancellation; the normal where both parts vanish.
+#[must_use]
+pub fn ggx_dominant_visible_normal(normal: Vec3, view: Vec3, alpha: f32) -> Vec3 {
+    let cosine = normal.dot(view);
+    let projected = view - normal * cosine;
+    let alpha_squared = alpha * alpha;
+    let stretched = alpha_squared * projected.dot(projected);
+    let t = (stretched + cosine * cosine).sqrt();
+    let along_normal = if cosine >= 0.0 { t + cosine } else { stretched / (t - cosine).max(TINY) };
+    safe_normalize(alpha_squared * projected + along_normal * normal, normal)
+}
+
+/// Spherical Gaussian of the light that GGX reflects to `view`.
+///
+/// The axis is the view reflected about the dominant visible normal `m`; the sharpness
+/// `λ = (2/α² − 2) J + 1.8 α`, `J = (n·m)/(4 v·m)`, given as `1/λ = α² / (2 (1 − α²) J + 1.8 α³)`, which is finite
+/// from a mirror (0) to α = 1 (0.56). Axis and first term: Tokuyoshi et al. 2024; the term 1.8 α is fitted here, and
+/// lets the lobe join the diffuse cosine lobe at α = 1. Mean L2 cosine to the true lobe over α from 0.01 to 1 and view
+/// angles from 0 to 85°: 0.916 (0.786 for Wang et al. 2009, 0.919 for the best single lobe).
+#[must_use]
+pub fn ggx_reflection_lobe(normal: Vec3, view: Vec3, alpha: f32) -> ReflectionLobe {
+    let m = ggx_dominant_visible_normal(normal, view, alpha);
+    let v_dot_m = view.dot(m);
+    let jacobian = normal.dot(m).max(0.0) / (4.0 * v_dot_m.max(MIN_V_DOT_M));
+    let alpha_squared = alpha * alpha;
+    let sharpness_over = 2.0 * (1.0 - alpha_squared).max(0.0) * jacobian + SHARPNESS_PER_ALPHA * alpha_squared * alpha;
+    ReflectionLobe {
+        axis: safe_normalize(2.0 * v_dot_m * m - view, normal),
+        inverse_sharpness: alpha_squared / sharpness_over.max(TINY),
+    }
+}

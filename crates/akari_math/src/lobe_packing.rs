@@ -1,0 +1,74 @@
+//! A reflection lobe in 64 bits.
+//!
+//! The width `√(1/(1 + λ))` is stored instead of the sharpness λ: λ itself overflows f16 for α below 0.0055 at
+//! normal incidence, and earlier at grazing. A mirror has width 0. Relative round-trip error of λ (test `round_trips`):
+//!
+//! | λ | 1e-3 | 2 | 50 | 1e3 to 1e6 | 1e8 |
+//! |---|---|---|---|---|---|
+//! | error | 0.5 | 1.5e-3 | 1.0e-3 | 1.0e-3 | 2e-3 |
+//!
+//! WGSL module: `akari_math::lobe_packing`.
+
+use crate::octahedral::{octahedral_pack, octahedral_unpack};
+use glam::{UVec2, Vec3};
+use half::f16;
+
+const UNORM_MAX: f32 = 65535.0;
+const MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 1e-6;
+
+/// A lobe as it is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct UnpackedLobe {
+    /// Unit axis.
+    pub axis: Vec3,
+    /// 1 / sharpness; 0 for a mirror.
+    pub inverse_sharpness: f32,
+    /// Perceptual roughness after filtering of normals, in `[0, 1]`.
+    pub perceptual_roughness: f32,
+}
+
+/// Width `√(1/(1 + λ)) = √(v/(1 + v))` from inverse sharpness `v = 1/λ ≥ 0`: 0 for a mirror, towards 1 for a uniform
+/// lobe. Relative error 3e-7.
+#[must_use]
+pub fn lobe_width(inverse_sharpness: f32) -> f32 {
+    (inverse_sharpness / (1.0 + inverse_sharpness)).sqrt()
+}
+
+/// Inverse sharpness `w²/(1 − w²)` from [`lobe_width`]; at most 1e6, so that a width of 1 stays finite.
+#[must_use]
+pub fn lobe_inverse_sharpness(width: f32) -> f32 {
+    let squared = width * width;
+    squared / (1.0 - squared).max(MIN_ONE_MINUS_WIDTH_SQUARED)
+}
+
+/// A number of `[0, 1]` in the low 16 bits, rounded to the nearest of 65536 steps.
+#[must_use]
+pub fn unorm_pack(x: f32) -> u32 {
+    (x.clamp(0.0, 1.0) * UNORM_MAX + 0.5).floor() as u32
+}
+
+/// The number in the low 16 bits. Round trip error at most half a step, 7.7e-6.
+#[must_use]
+pub fn unorm_unpack(bits: u32) -> f32 {
+    (bits & 0xffff) as f32 / UNORM_MAX
+}
+
+/// A lobe in 64 bits: octahedral axis; width as f16 in the low half of the second word, perceptual roughness as unorm16
+/// in its high half.
+///
+/// WGSL leaves the rounding of `pack2x16float` to the device: the width of the twin differs by at most one f16 step.
+#[must_use]
+pub fn lobe_pack(axis: Vec3, inverse_sharpness: f32, perceptual_roughness: f32) -> UVec2 {
+    let width = u32::from(f16::from_f32(lobe_width(inverse_sharpness)).to_bits());
+    UVec2::new(octahedral_pack(axis), width | (unorm_pack(perceptual_roughness) << 16))
+}
+
+/// The lobe of [`lobe_pack`].
+#[must_use]
+pub fn lobe_unpack(bits: UVec2) -> UnpackedLobe {
+    UnpackedLobe {
+        axis: octahedral_unpack(bits.x),
+        inverse_sharpness: lobe_inverse_sharpness(f16::from_bits((bits.y & 0xffff) as u16).to_f32()),
+        perceptual_roughness: unorm_unpack(bits.y >> 16),
+    }
+}

@@ -1,0 +1,3 @@
+//! Spherical Gaussians.
+
+pub mod lobe;

@@ -1,0 +1,95 @@
+//! Conservative tests of a light against a cell of view space: what culls lights per tile.
+//!
+//! Every test errs to the side of keeping a light, by a relative slack of 1e-5 that covers the rounding of f32.
+//!
+//! **Bound of a polygon's contribution.** Let all points of the polygon be within `r` of a centre `c`, its area `A`,
+//! and let the cell be at distance `D > r` from `c`. From any point of the cell
+//!
+//! - the polygon is at least `d = D − r` away and seen under a cosine of at most `h/d`, `h` the largest height of the
+//!   cell above the polygon's plane; so its solid angle is at most `A min(1, h/d) / d²`;
+//! - it is inside a cone of `sin σ = r/D`, of solid angle `2π (1 − cos σ) = 2π sin²σ / (1 + cos σ)`.
+//!
+//! The clamped-cosine integral over π is at most the solid angle over π, and at most 1. A GGX lobe with unit Fresnel
+//! reflectance has the density `D(h) V (n·l)`; `D ≤ 1/(π α²)`, and
+//! `V (n·l) = ½ (n·l) / ((n·l) √(v² + α²(1 − v²)) + …) ≤ ½ / √(v² + α²(1 − v²)) ≤ 1/(2α)`, so that the density
+//! is at most `1/(2π α³)`; its integral is at most 1 besides. A linearly transformed cosine fitted to the lobe may
+//! exceed that density where the fit is poor, never the bound 1.
+//!
+//! WGSL module: `akari_math::tile_bounds`.
+
+use crate::special::TINY;
+use glam::{Vec3, Vec4, Vec4Swizzles};
+
+/// A light whose bounded contribution, in exposed radiance (1 is display white), is below this may be dropped: it is
+/// less than one step of 8-bit sRGB in the darks, 1/(255 · 12.92).
+pub const CONTRIBUTION_CUTOFF: f32 = 1.0 / 4096.0;
+
+const INV_PI: f32 = 0.318_309_89;
+const SLACK: f32 = 1e-5;
+const MIN_BOUND_ALPHA: f32 = 1e-5;
+
+/// Squared distance from a point to an axis-aligned box; 0 inside.
+#[must_use]
+pub fn box_distance_squared(point: Vec3, box_min: Vec3, box_max: Vec3) -> f32 {
+    let outside = (box_min - point).max(point - box_max).max(Vec3::ZERO);
+    outside.dot(outside)
+}
+
+/// 1 where a sphere and an axis-aligned box may touch.
+#[must_use]
+pub fn sphere_touches_box(center: Vec3, radius: f32, box_min: Vec3, box_max: Vec3) -> u32 {
+    u32::from(box_distance_squared(center, box_min, box_max) <= radius * radius * (1.0 + SLACK))
+}
+
+/// Largest signed distance of any point of a box to a plane (unit normal, offset).
+#[must_use]
+pub fn box_plane_distance(box_min: Vec3, box_max: Vec3, plane: Vec4) -> f32 {
+    let corner = Vec3::select(plane.xyz().cmpge(Vec3::ZERO), box_max, box_min);
+    plane.xyz().dot(corner) + plane.w
+}
+
+/// 1 where the whole box is behind the plane, beyond rounding: no point of it sees the front of a polygon in that plane.
+#[must_use]
+pub fn box_behind_plane(box_min: Vec3, box_max: Vec3, plane: Vec4) -> u32 {
+    let corner = Vec3::select(plane.xyz().cmpge(Vec3::ZERO), box_max, box_min);
+    let magnitude = plane.xyz().abs().dot(corner.abs()) + plane.w.abs();
+    u32::from(plane.xyz().dot(corner) + plane.w < -SLACK * magnitude)
+}
+
+/// Upper bound of the solid angle, over π, of a polygon of `area` (m²) within a sphere of `radius` (m), from points
+/// whose squared distance to the sphere's centre is at least `distance_squared` (m²) and whose height above the
+/// polygon's plane is at most `height` (m). At most 4 (and the slack).
+#[must_use]
+pub fn solid_angle_bound(area: f32, radius: f32, distance_squared: f32, height: f32) -> f32 {
+    let to_center = distance_squared.sqrt() * (1.0 - SLACK);
+    let gap = to_center - radius;
+    if gap <= 0.0 {
+        return 4.0;
+    }
+    let cosine = (height.max(0.0) / gap.max(TINY)).min(1.0);
+    let by_area = (area / gap.max(TINY)) * INV_PI * (cosine / gap.max(TINY));
+    let sine = radius / to_center.max(TINY);
+    let by_sphere = 2.0 * sine * sine / (1.0 + (1.0 - sine * sine).max(0.0).sqrt());
+    by_area.min(by_sphere).min(4.0) * (1.0 + SLACK)
+}
+
+/// Upper bound of the clamped-cosine integral over π over directions of solid angle over π `solid_angle_over_pi`.
+#[must_use]
+pub fn form_factor_bound(solid_angle_over_pi: f32) -> f32 {
+    solid_angle_over_pi.min(1.0)
+}
+
+/// Upper bound of the integral of a GGX lobe with unit Fresnel reflectance over directions of solid angle over π
+/// `solid_angle_over_pi`: `min(1, Ω/(2π α³))`.
+#[must_use]
+pub fn lobe_bound(solid_angle_over_pi: f32, alpha: f32) -> f32 {
+    let a = alpha.max(MIN_BOUND_ALPHA);
+    (solid_angle_over_pi * 0.5 / (a * a * a)).min(1.0)
+}
+
+/// Upper bound of the radiance that a light of `radiance` adds to any surface whose alpha is at least `alpha`.
+/// To be held against [`CONTRIBUTION_CUTOFF`] once exposed.
+#[must_use]
+pub fn contribution_bound(radiance: f32, solid_angle_over_pi: f32, alpha: f32) -> f32 {
+    radiance * (form_factor_bound(solid_angle_over_pi) + lobe_bound(solid_angle_over_pi, alpha))
+}

@@ -2,18 +2,18 @@
 
 use super::glb::{Material, Placement, Scene};
 use super::mesh::{panel, polygon, rectangle, regular, unit_sphere, with_rectangle_uvs};
-use super::vec3;
+use super::vec3::{self, Vec3};
 use super::{SPHERE_RINGS, SPHERE_SEGMENTS, pattern};
 
 /// Metal spheres in the row, roughness [`ROUGHNESS_MIN`] to 1.
-const METALS: u32 = 8;
+const METALS: u32 = 7;
 const ROUGHNESS_MIN: f64 = 0.05;
 
 pub fn gallery() -> Scene {
     let mut scene = Scene::new("gallery");
-    scene.camera("camera", [0.0, 2.1, 8.6], [0.0, 1.15, 0.0], 30.0);
+    scene.camera("camera", [0.0, 2.5, 8.4], [0.0, 0.82, 0.0], 30.0);
 
-    let (half_width, front, back, height) = (7.0, 7.0, -2.6, 5.0);
+    let (half_width, front, back, height) = (8.0, 8.0, -2.4, 5.0);
     let floor = [
         [-half_width, 0.0, front],
         [half_width, 0.0, front],
@@ -23,7 +23,7 @@ pub fn gallery() -> Scene {
     scene.object(
         "floor",
         &polygon(&floor),
-        Material::dielectric([0.09, 0.09, 0.1], 0.22),
+        Material::dielectric([0.12, 0.12, 0.13], 0.18),
     );
     let wall = [
         [-half_width, 0.0, back],
@@ -34,100 +34,99 @@ pub fn gallery() -> Scene {
     scene.object(
         "back_wall",
         &polygon(&wall),
-        Material::lambert([0.42, 0.42, 0.45]),
+        Material::lambert([0.45, 0.45, 0.48]),
     );
 
     let sphere = scene.geometry(&unit_sphere(SPHERE_SEGMENTS, SPHERE_RINGS));
-    let gap = 0.005; // spheres float by half a centimetre: no contact point for rounding to decide
+    let mut place = |name: String, material: Material, radius: f64, x: f64, z: f64| {
+        // Half a centimetre above the floor: no contact point for rounding to decide.
+        let translation = [x, radius + 0.005, z];
+        let mesh = scene.mesh(&name, sphere, material);
+        scene.node(
+            &name,
+            mesh,
+            Placement {
+                translation,
+                scale: [radius; 3],
+                ..Placement::default()
+            },
+        );
+    };
+    const SPACING: f64 = 1.06;
     for i in 0..METALS {
         let t = f64::from(i) / f64::from(METALS - 1);
         let roughness = (ROUGHNESS_MIN + t * (1.0 - ROUGHNESS_MIN)) as f32;
-        let name = format!("metal_roughness_{roughness:.2}");
-        let radius = 0.42;
         // From gold to silver along the row.
         let f0 = [1.0, 0.78 + 0.18 * t as f32, 0.36 + 0.58 * t as f32];
-        let mesh = scene.mesh(&name, sphere, Material::metal(f0, roughness));
-        let x = (f64::from(i) - 0.5 * f64::from(METALS - 1)) * 0.96;
-        scene.node(
-            &name,
-            mesh,
-            Placement {
-                translation: [x, radius + gap, 0.0],
-                scale: [radius; 3],
-                ..Placement::default()
-            },
+        let x = (f64::from(i) - 0.5 * f64::from(METALS - 1)) * SPACING;
+        place(
+            format!("metal_roughness_{roughness:.2}"),
+            Material::metal(f0, roughness),
+            0.46,
+            x,
+            0.0,
         );
     }
-
-    let colors: [[f32; 3]; 7] = [
-        [0.65, 0.05, 0.04],
-        [0.70, 0.28, 0.02],
-        [0.62, 0.55, 0.04],
-        [0.06, 0.42, 0.08],
-        [0.02, 0.38, 0.45],
+    let colors: [[f32; 3]; METALS as usize - 1] = [
+        [0.65, 0.04, 0.03],
+        [0.70, 0.30, 0.02],
+        [0.07, 0.42, 0.08],
+        [0.02, 0.36, 0.42],
         [0.04, 0.10, 0.60],
-        [0.36, 0.05, 0.48],
+        [0.40, 0.05, 0.45],
     ];
+    // In front of the gaps of the row.
     for (i, color) in colors.into_iter().enumerate() {
-        let radius = 0.2;
-        let roughness = 0.08 + 0.08 * i as f32;
+        let roughness = 0.08 + 0.1 * i as f32;
+        let x = (i as f64 - 0.5 * (colors.len() - 1) as f64) * SPACING;
         let name = format!("dielectric_roughness_{roughness:.2}");
-        let mesh = scene.mesh(&name, sphere, Material::dielectric(color, roughness));
-        let x = (i as f64 - 3.0) * 0.96;
-        scene.node(
-            &name,
-            mesh,
-            Placement {
-                translation: [x, radius + gap, 0.95],
-                scale: [radius; 3],
-                ..Placement::default()
-            },
-        );
+        place(name, Material::dielectric(color, roughness), 0.22, x, 0.95);
     }
 
-    // Three lights hang before the wall and are seen in the picture, turned down towards the floor ...
-    let towards = |from: [f64; 3], to: [f64; 3]| vec3::sub(to, from);
-    let textured_at = [-2.55, 2.25, -1.5];
+    // Three lights hang before the wall and are seen in the picture, turned towards the floor before the camera ...
+    let towards = |from: Vec3, to: Vec3| vec3::sub(to, from);
+    let textured_at = [-2.5, 1.98, -1.2];
+    let outline = rectangle(1.8, 1.2);
     let textured = with_rectangle_uvs(panel(
         textured_at,
-        towards(textured_at, [-1.2, 0.6, 2.6]),
-        &rectangle(1.8, 1.2),
+        towards(textured_at, [-1.2, 0.4, 2.6]),
+        &outline,
     ));
-    let mut textured_material = Material::light([14.0; 3]);
-    textured_material.emissive_texture = Some(scene.texture("pattern", &pattern::png()));
-    scene.object("light_textured", &textured, textured_material);
+    let mut material = Material::light([12.0; 3]);
+    material.emissive_texture = Some(scene.texture("pattern", &pattern::png()));
+    scene.object("light_textured", &textured, material);
 
-    let triangle_at = [0.0, 2.2, -1.8];
+    let triangle_at = [0.0, 1.85, -1.4];
     let triangle = panel(
         triangle_at,
-        towards(triangle_at, [0.0, 0.6, 2.6]),
-        &regular(3, 0.78),
+        towards(triangle_at, [0.0, 0.4, 2.6]),
+        &regular(3, 0.85),
     );
     scene.object(
         "light_triangle",
         &triangle,
-        Material::light([4.0, 7.0, 11.0]),
+        Material::light([2.5, 5.5, 11.0]),
     );
 
-    let hexagon_at = [2.55, 2.25, -1.5];
+    let hexagon_at = [2.5, 1.98, -1.2];
     let hexagon = panel(
         hexagon_at,
-        towards(hexagon_at, [1.2, 0.6, 2.6]),
-        &regular(6, 0.74),
+        towards(hexagon_at, [1.2, 0.4, 2.6]),
+        &regular(6, 0.72),
     );
-    scene.object("light_hexagon", &hexagon, Material::light([11.0, 5.5, 2.2]));
+    scene.object("light_hexagon", &hexagon, Material::light([11.0, 4.6, 1.4]));
 
     // ... and a softbox above the camera lights the sides that face it.
-    let softbox_at = [0.0, 4.6, 4.2];
+    let softbox_at = [-1.6, 3.9, 5.2];
     let softbox = panel(
         softbox_at,
-        towards(softbox_at, [0.0, 0.4, 0.0]),
-        &rectangle(3.6, 1.0),
+        towards(softbox_at, [0.0, 0.5, 0.0]),
+        &rectangle(3.2, 1.8),
     );
     scene.object(
         "light_rectangle",
         &softbox,
-        Material::light([7.0, 6.8, 6.5]),
+        Material::light([13.0, 12.6, 12.0]),
     );
     scene
 }

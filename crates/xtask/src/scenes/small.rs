@@ -90,10 +90,10 @@ pub fn many_lights() -> Scene {
 
     let light = scene.geometry(&panel([0.0; 3], [0.0, -1.0, 0.0], &rectangle(0.12, 0.12)));
     let lights = [
-        scene.mesh("light_warm", light, Material::light([4.0, 3.0, 2.0])),
-        scene.mesh("light_cold", light, Material::light([2.0, 3.0, 4.0])),
-        scene.mesh("light_green", light, Material::light([2.0, 4.0, 2.0])),
-        scene.mesh("light_red", light, Material::light([4.0, 2.0, 2.0])),
+        scene.mesh("light_warm", light, Material::light([20.0, 15.0, 10.0])),
+        scene.mesh("light_cold", light, Material::light([10.0, 15.0, 20.0])),
+        scene.mesh("light_green", light, Material::light([10.0, 20.0, 10.0])),
+        scene.mesh("light_red", light, Material::light([20.0, 10.0, 10.0])),
     ];
     for i in 0..MANY_LIGHTS_SIDE * MANY_LIGHTS_SIDE {
         let (column, row) = (i % MANY_LIGHTS_SIDE, i / MANY_LIGHTS_SIDE);

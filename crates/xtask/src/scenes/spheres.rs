@@ -26,9 +26,9 @@ pub enum Light {
 pub fn centers() -> [Vec3; 7] {
     std::array::from_fn(|i| {
         let (x, z) = if i < 4 {
-            (i as f64 * 1.1 - 1.65, -0.55)
+            (i as f64 * 1.1 - 1.65, -0.75)
         } else {
-            ((i - 4) as f64 * 1.1 - 1.1, 0.55)
+            ((i - 4) as f64 * 1.1 - 1.1, 0.65)
         };
         [x, RADIUS + GAP, z]
     })
@@ -45,7 +45,7 @@ pub fn spheres(light: Light) -> Scene {
         Light::Textured => "spheres_textured",
     };
     let mut scene = Scene::new(name);
-    scene.camera("camera", [0.0, 4.6, 4.6], [0.0, 0.3, 0.0], 36.0);
+    scene.camera("camera", [0.0, 4.6, 4.6], [0.0, 0.25, 0.0], 38.0);
     scene.object("floor", &floor(12.0), Material::lambert([FLOOR_ALBEDO; 3]));
 
     let sphere = scene.geometry(&unit_sphere(SPHERE_SEGMENTS, SPHERE_RINGS));
@@ -75,7 +75,7 @@ pub fn spheres(light: Light) -> Scene {
     };
     // Above and behind the spheres, so that some of what the camera sees lies at grazing angles in the light's mirror
     // direction, and some has the light partly below its horizon. Outside the picture.
-    let position = [0.4, 2.7, -1.1];
+    let position = [0.4, 2.5, -1.3];
     let mut panel: Mesh = panel(position, vec3::sub([0.0, 0.3, 0.1], position), &outline);
     let mut material = Material::light([RADIANCE; 3]);
     if light == Light::Textured {

@@ -81,8 +81,7 @@ fn executable(messages: &str) -> Option<PathBuf> {
     messages
         .lines()
         .filter_map(|line| serde_json::from_str(line).ok())
-        .filter_map(path)
-        .last()
+        .find_map(path)
 }
 
 #[cfg(test)]

@@ -18,9 +18,12 @@ use clap::{Parser, Subcommand};
 
 use failure::{Failure, Result};
 
-/// Project tasks of bevy_akari
 #[derive(Parser)]
-#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+#[command(
+    name = "cargo xtask",
+    bin_name = "cargo xtask",
+    about = "Project tasks of bevy_akari"
+)]
 struct Arguments {
     #[command(subcommand)]
     task: Task,

@@ -90,3 +90,78 @@ impl Reflection {
             / PI
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quadrature::{composite, gauss_legendre};
+
+    #[test]
+    fn albedo_of_the_roughest_surface_at_normal_incidence_is_exact() {
+        // α = 1, n·v = 1: D = 1/π and G₂ = 2c/(1 + c), so A₀ = ∫ c/(1 + c) dc = 1 − ln 2.
+        let (a0, _) = Reflection::new(1.0, 1.0).albedo();
+        assert!((a0 - (1.0 - 2.0_f64.ln())).abs() < 1e-9, "{a0}");
+    }
+
+    #[test]
+    fn schlick_term_at_normal_incidence_is_exact() {
+        // v·h = u = cos(θ/2), cosθ = 2u² − 1: a polynomial in u.
+        let exact: f64 = composite(&[0.5_f64.sqrt(), 1.0], &gauss_legendre(8))
+            .into_iter()
+            .map(|(u, w)| w * 8.0 * u * (1.0 - u).powi(5) * (2.0 * u * u - 1.0))
+            .sum();
+        let value = Reflection::diffuse_fresnel(1.0);
+        assert!((value - exact).abs() < 1e-12, "{value} {exact}");
+        // The same for the specular term of the roughest surface: f cosθ = c/(2π(1 + c)).
+        let exact: f64 = composite(&[0.0, 1.0], &gauss_legendre(32))
+            .into_iter()
+            .map(|(c, w)| w * c / (1.0 + c) * (1.0 - (0.5 * (1.0 + c)).sqrt()).powi(5))
+            .sum();
+        let (_, a1) = Reflection::new(1.0, 1.0).albedo();
+        assert!((a1 - exact).abs() < 1e-12, "{a1} {exact}");
+    }
+
+    #[test]
+    fn a_smooth_surface_reflects_everything_and_no_surface_more() {
+        let (a0, a1) = Reflection::new(1e-3, 0.6).albedo();
+        assert!((a0 - 1.0).abs() < 1e-4, "{a0}");
+        assert!((a1 - 0.4_f64.powi(5)).abs() < 1e-5, "{a1}");
+        for alpha in [1e-3, 0.01, 0.1, 0.5, 1.0] {
+            for n_dot_v in [4e-3, 0.03, 0.3, 0.8, 1.0] {
+                let (a0, a1) = Reflection::new(alpha, n_dot_v).albedo();
+                assert!(a1 >= 0.0 && a1 < a0 && a0 < 1.0 + 1e-6, "{alpha} {n_dot_v}: {a0} {a1}");
+            }
+        }
+    }
+
+    #[test]
+    fn reflection_is_reciprocal() {
+        let (alpha, theta_v, theta_l) = (0.3, 0.4_f64, 1.2_f64);
+        let forward =
+            Reflection::new(alpha, theta_v.cos()).cosine_weighted([-theta_l.sin(), 0.0, theta_l.cos()]) / theta_l.cos();
+        let backward =
+            Reflection::new(alpha, theta_l.cos()).cosine_weighted([-theta_v.sin(), 0.0, theta_v.cos()]) / theta_v.cos();
+        assert!((forward - backward).abs() < 1e-14 * forward);
+        assert_eq!(Reflection::new(alpha, 0.5).cosine_weighted([1.0, 0.0, 0.0]), 0.0);
+    }
+
+    #[test]
+    fn fine_and_coarse_quadrature_agree() {
+        for alpha in [1e-3, 0.03, 0.2, 1.0] {
+            for n_dot_v in [4e-3, 0.05, 0.5, 1.0] {
+                let reflection = Reflection::new(alpha, n_dot_v);
+                let sum = |fineness| -> f64 {
+                    let nodes = reflection.nodes(fineness);
+                    nodes.iter().map(|n| n.weight * reflection.cosine_weighted(n.direction)).sum()
+                };
+                let (fit, report) = (sum(Fineness::FIT), sum(Fineness::REPORT));
+                let finest = sum(Fineness {
+                    order: 16,
+                    growth: 0.5,
+                });
+                assert!((fit - finest).abs() < 1e-2, "{alpha} {n_dot_v}: {fit} {finest}");
+                assert!((report - finest).abs() < 1e-5, "{alpha} {n_dot_v}: {report} {finest}");
+            }
+        }
+    }
+}

@@ -7,181 +7,266 @@ use crate::table::{Entry, Table};
 use crate::{MIN_ALPHA, MIN_N_DOT_V};
 use argmin::core::{CostFunction, Executor, State};
 use argmin::solver::neldermead::NelderMead;
+use half::f16;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Passes over the table after the first sweep, in which a cell may take over its neighbours' solutions.
 const REFINEMENTS: usize = 2;
+/// Steps of a descent from a guess, and from a neighbour's solution. A descent takes about 120 to converge.
+const STEPS: u64 = 250;
+const REFINEMENT_STEPS: u64 = 150;
+/// Skews of the two starts that every cell has. Fits from 135 starts over angle, widths and skew found no better
+/// minimum than fits from these two.
+const START_SKEWS: [f64; 2] = [0.0, 0.5];
+/// Where the views between the last two rows are sampled, as fractions of the way.
+const LAST_ROW_FRACTIONS: [f64; 3] = [0.25, 0.5, 0.75];
 
-/// Perceptual roughness and n·v at a cell of a table of `resolution`².
-pub fn cell_coordinates(resolution: usize, x: usize, y: usize) -> (f64, f64) {
+/// Perceptual roughness and n·v at table coordinates, in cells, of a table of `resolution`².
+pub fn coordinates(resolution: usize, x: f64, y: f64) -> (f64, f64) {
     let last = (resolution - 1) as f64;
-    let (r, s) = (x as f64 / last, y as f64 / last);
+    let (r, s) = (x / last, y / last);
     (r, 1.0 - s * s)
 }
 
-/// The reflection that a cell stands for, inside the table's limits.
-fn reflection(resolution: usize, x: usize, y: usize) -> Reflection {
-    let (r, n_dot_v) = cell_coordinates(resolution, x, y);
+/// The reflection that table coordinates stand for, inside the table's limits.
+pub fn reflection_at(resolution: usize, x: f64, y: f64) -> Reflection {
+    let (r, n_dot_v) = coordinates(resolution, x, y);
     Reflection::new((r * r).max(MIN_ALPHA), n_dot_v.max(MIN_N_DOT_V))
 }
 
-struct Cost<'a> {
-    objective: &'a Objective,
+struct Cost<'a, F> {
+    cost: &'a F,
     start: Shape,
 }
 
-impl CostFunction for Cost<'_> {
+impl<F: Fn(&Shape) -> f64> CostFunction for Cost<'_, F> {
     type Param = Vec<f64>;
     type Output = f64;
 
     fn cost(&self, p: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-        Ok(self.objective.cost(&self.start.moved(p)))
+        Ok((self.cost)(&self.start.moved(p)))
     }
 }
 
-/// Nelder-Mead from one start; the simplex is a fraction of the lobe's own size.
-fn descend(objective: &Objective, start: Shape, iterations: u64) -> (f64, Shape) {
-    const STEP: f64 = 0.2;
-    let corner = vec![0.0; Shape::FREEDOMS];
-    let simplex = (0..=Shape::FREEDOMS)
-        .map(|i| {
-            let mut p = corner.clone();
-            if i > 0 {
-                p[i - 1] = STEP;
-            }
-            p
-        })
+/// Nelder-Mead from one start over `freedoms` parameters; the simplex is a fraction of the lobe's own size.
+fn descend(cost: &impl Fn(&Shape) -> f64, start: Shape, freedoms: usize, steps: u64) -> (f64, Shape) {
+    const EDGE: f64 = 0.2;
+    const TOLERANCE: f64 = 1e-6;
+    let simplex = (0..=freedoms)
+        .map(|corner| (1..=freedoms).map(|i| if i == corner { EDGE } else { 0.0 }).collect())
         .collect();
-    let solver = NelderMead::new(simplex)
-        .with_sd_tolerance(1e-6)
-        .expect("a positive tolerance");
-    let run = Executor::new(Cost { objective, start }, solver)
-        .configure(|state| state.max_iters(iterations))
+    let unmoved = || (cost(&start), start);
+    let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(TOLERANCE) else {
+        return unmoved();
+    };
+    let run = Executor::new(Cost { cost, start }, solver)
+        .configure(|state| state.max_iters(steps))
         .run();
-    match run {
-        Ok(result) => {
+    // The cost never fails; were it to, the start is still a lobe.
+    run.ok()
+        .and_then(|result| {
             let state = result.state();
-            match state.get_best_param() {
-                Some(p) => (state.get_best_cost(), start.moved(p)),
-                None => (objective.cost(&start), start),
-            }
-        }
-        // The cost never fails; were it to, the start is still a lobe.
-        Err(_) => (objective.cost(&start), start),
-    }
+            Some((state.get_best_cost(), start.moved(state.get_best_param()?)))
+        })
+        .unwrap_or_else(unmoved)
 }
 
-/// The best of several starts.
-fn fit_shape(reflection: &Reflection, starts: &[Shape], iterations: u64) -> (f64, Shape) {
+/// The best descent of several starts, continued once: a fresh simplex leaves a collapsed one.
+fn descend_best(
+    cost: &impl Fn(&Shape) -> f64,
+    starts: impl IntoIterator<Item = Shape>,
+    freedoms: usize,
+    steps: u64,
+) -> (f64, Shape) {
+    let better = |a: (f64, Shape), b: (f64, Shape)| if b.0 < a.0 { b } else { a };
+    let best = starts
+        .into_iter()
+        .map(|start| descend(cost, start, freedoms, steps))
+        .reduce(better)
+        .unwrap_or((f64::INFINITY, Shape::COSINE));
+    better(best, descend(cost, best.1, freedoms, steps))
+}
+
+/// Parameters of a lobe for this view: at normal incidence it is symmetric about the normal.
+fn freedoms(reflection: &Reflection) -> usize {
+    if reflection.sin_v == 0.0 { 1 } else { 4 }
+}
+
+/// The standard starts of a cell.
+fn guesses(reflection: &Reflection) -> impl Iterator<Item = Shape> + use<> {
+    let guess = Shape::guess(reflection);
+    let skews = if freedoms(reflection) == 1 {
+        &START_SKEWS[..1]
+    } else {
+        &START_SKEWS[..]
+    };
+    skews.iter().map(move |&skew| Shape { skew, ..guess })
+}
+
+fn fit_cell(reflection: &Reflection, starts: impl IntoIterator<Item = Shape>, steps: u64) -> (f64, Shape) {
     let objective = Objective::new(reflection);
-    let mut best: Option<(f64, Shape)> = None;
-    for &start in starts {
-        let found = descend(&objective, start, iterations);
-        if best.is_none_or(|b| found.0 < b.0) {
-            best = Some(found);
-        }
-    }
-    // A second descent from the best leaves a collapsed simplex.
-    let (cost, shape) = best.unwrap_or((f64::INFINITY, Shape::guess(reflection)));
-    let again = descend(&objective, shape, iterations);
-    if again.0 < cost { again } else { (cost, shape) }
+    descend_best(&|s: &Shape| objective.cost(s), starts, freedoms(reflection), steps)
 }
 
 /// A row, from rough to smooth.
-fn fit_row(resolution: usize, y: usize, done: &(dyn Fn() + Sync)) -> Vec<(f64, Shape)> {
+fn fit_row(resolution: usize, y: usize, done: &(impl Fn() + Sync)) -> Vec<(f64, Shape)> {
     let mut row = vec![(f64::INFINITY, Shape::COSINE); resolution];
     let mut previous: Option<(Reflection, Shape)> = None;
     for x in (0..resolution).rev() {
-        let reflection = reflection(resolution, x, y);
-        let mut starts = vec![Shape::guess(&reflection), Shape::guess(&reflection).skewed(0.5)];
-        if let Some((from, shape)) = &previous {
-            starts.push(shape.carried(from, &reflection));
-        }
-        row[x] = fit_shape(&reflection, &starts, 250);
-        previous = Some((reflection, row[x].1));
+        let here = reflection_at(resolution, x as f64, y as f64);
+        let carried = previous.map(|(from, shape)| shape.carried(&from, &here));
+        row[x] = fit_cell(&here, guesses(&here).chain(carried), STEPS);
+        previous = Some((here, row[x].1));
         done();
     }
     row
 }
 
-/// Fits chosen cells of a table of `resolution`², each by itself, as [`fit_table`] does in its first sweep.
+/// A lobe between two, as the sampler interpolates it.
+fn between(a: &Lobe, b: &Lobe, t: f64) -> Lobe {
+    let (a, b) = (a.to_array(), b.to_array());
+    Lobe::from_array(std::array::from_fn(|i| (1.0 - t) * a[i] + t * b[i]))
+}
+
+/// The lobe of the last row, given the row above it.
+///
+/// No visible point has n·v = 0, and at 0 the matrix degenerates; so the last row is fitted to the views between it
+/// and the row above, through the sampler's interpolation.
+fn fit_last_row_cell(resolution: usize, x: usize, above: &Shape, own: &Shape) -> Shape {
+    let last = (resolution - 1) as f64;
+    let objectives =
+        LAST_ROW_FRACTIONS.map(|t| (t, Objective::new(&reflection_at(resolution, x as f64, last - 1.0 + t))));
+    let above_lobe = above.lobe();
+    let cost = |shape: &Shape| {
+        let lobe = shape.lobe();
+        let between_cost: f64 = objectives
+            .iter()
+            .map(|(t, objective)| objective.lobe_cost(&between(&above_lobe, &lobe, *t)))
+            .sum();
+        // The cell itself has to be a lobe too, also on hardware that flushes subnormal halves.
+        let stored = Lobe::from_array(lobe.to_array().map(flushed_half));
+        let refused = if stored.determinant() > 0.0 && stored.norm() > 0.5 {
+            0.0
+        } else {
+            1.0
+        };
+        between_cost / LAST_ROW_FRACTIONS.len() as f64 + shape.skew_cost() + refused
+    };
+    // With the widths of the row above, the interpolated direction is right; with its own, the interpolated shape.
+    let turned = Shape {
+        angle: own.angle,
+        ..*above
+    };
+    descend_best(&cost, [*own, *above, turned], 4, STEPS).1
+}
+
+/// The nearest half, subnormals flushed to zero.
+pub fn flushed_half(v: f64) -> f64 {
+    let h = f16::from_f64(v);
+    if h.is_normal() { h.to_f64() } else { 0.0 }
+}
+
+/// Fits chosen cells (x, y) of a table of `resolution`², each from the standard starts alone.
 pub fn fit_cells(resolution: usize, cells: &[(usize, usize)]) -> Vec<Entry> {
+    let fit = |x: usize, y: usize| {
+        let here = reflection_at(resolution, x as f64, y as f64);
+        fit_cell(&here, guesses(&here), STEPS).1
+    };
     cells
         .par_iter()
         .map(|&(x, y)| {
-            let reflection = reflection(resolution, x, y);
-            let guess = Shape::guess(&reflection);
-            let (_, shape) = fit_shape(&reflection, &[guess, guess.skewed(0.5), guess.skewed(-0.5)], 400);
-            entry(&reflection, shape.lobe())
+            let shape = fit(x, y);
+            if y + 1 < resolution {
+                return entry(&reflection_at(resolution, x as f64, y as f64), shape.lobe());
+            }
+            let above = fit(x, y - 1);
+            let above_entry = entry(&reflection_at(resolution, x as f64, y as f64 - 1.0), above.lobe());
+            let lobe = fit_last_row_cell(resolution, x, &above, &shape).lobe();
+            last_row_entry(resolution, x, lobe, &above_entry)
         })
         .collect()
 }
 
-/// Fits a table of `resolution`² cells. Same result for any number of threads.
+/// Fits a table of `resolution`² cells, `resolution ≥ 3`. Same result for any number of threads.
 ///
 /// `progress(done, total)` counts fits of cells over all passes; it is called from worker threads.
 pub fn fit_table(resolution: usize, progress: impl Fn(usize, usize) + Sync) -> Table {
     let count = resolution * resolution;
-    let total = count * (1 + REFINEMENTS);
+    let total = count * (1 + REFINEMENTS) + resolution;
     let counter = AtomicUsize::new(0);
     let done = || progress(counter.fetch_add(1, Ordering::Relaxed) + 1, total);
 
-    // Grazing rows cost most: rayon's halving would leave them to one thread.
-    let mut rows: Vec<(usize, Vec<(f64, Shape)>)> = (0..resolution)
+    let mut cells: Vec<(f64, Shape)> = (0..resolution)
         .into_par_iter()
+        // Rows cost differently: one at a time, so that no thread is left with the dear ones.
         .with_max_len(1)
-        .map(|y| (y, fit_row(resolution, y, &done)))
+        .flat_map_iter(|y| fit_row(resolution, y, &done))
         .collect();
-    rows.sort_by_key(|row| row.0);
-    let mut cells: Vec<(f64, Shape)> = rows.into_iter().flat_map(|row| row.1).collect();
-
     for _ in 0..REFINEMENTS {
-        let before = cells;
         cells = (0..count)
             .into_par_iter()
             .with_max_len(8)
             .map(|i| {
                 let (x, y) = (i % resolution, i / resolution);
-                let here = reflection(resolution, x, y);
-                let mut neighbours = Vec::with_capacity(4);
-                if x > 0 {
-                    neighbours.push((x - 1, y));
-                }
-                if x + 1 < resolution {
-                    neighbours.push((x + 1, y));
-                }
-                if y > 0 {
-                    neighbours.push((x, y - 1));
-                }
-                if y + 1 < resolution {
-                    neighbours.push((x, y + 1));
-                }
-                let starts: Vec<Shape> = neighbours
-                    .into_iter()
-                    .map(|(nx, ny)| {
-                        let from = reflection(resolution, nx, ny);
-                        before[ny * resolution + nx].1.carried(&from, &here)
-                    })
-                    .collect();
-                let found = fit_shape(&here, &starts, 150);
+                let here = reflection_at(resolution, x as f64, y as f64);
+                let starts = neighbours(resolution, x, y).map(|(nx, ny)| {
+                    let from = reflection_at(resolution, nx as f64, ny as f64);
+                    cells[ny * resolution + nx].1.carried(&from, &here)
+                });
+                // A symmetric cell would keep a neighbour's skew: its own starts are enough.
+                let found = if freedoms(&here) == 1 {
+                    cells[i]
+                } else {
+                    fit_cell(&here, starts, REFINEMENT_STEPS)
+                };
                 done();
-                if found.0 < before[i].0 { found } else { before[i] }
+                if found.0 < cells[i].0 { found } else { cells[i] }
             })
             .collect();
     }
-    let entries: Vec<Entry> = cells
-        .par_iter()
-        .enumerate()
-        .map(|(i, (_, shape))| entry(&reflection(resolution, i % resolution, i / resolution), shape.lobe()))
+    let last = resolution - 1;
+    let last_row: Vec<Shape> = (0..resolution)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|x| {
+            let shape = fit_last_row_cell(
+                resolution,
+                x,
+                &cells[(last - 1) * resolution + x].1,
+                &cells[last * resolution + x].1,
+            );
+            done();
+            shape
+        })
         .collect();
+
+    let mut entries: Vec<Entry> = (0..last * resolution)
+        .into_par_iter()
+        .map(|i| {
+            let (x, y) = ((i % resolution) as f64, (i / resolution) as f64);
+            entry(&reflection_at(resolution, x, y), cells[i].1.lobe())
+        })
+        .collect();
+    for (x, shape) in last_row.iter().enumerate() {
+        let above = entries[(last - 1) * resolution + x];
+        entries.push(last_row_entry(resolution, x, shape.lobe(), &above));
+    }
     Table::from_entries(resolution, &entries)
+}
+
+/// The cells that share an edge with (x, y).
+fn neighbours(resolution: usize, x: usize, y: usize) -> impl Iterator<Item = (usize, usize)> {
+    [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(move |(dx, dy)| {
+        let (nx, ny) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+        (nx < resolution && ny < resolution).then_some((nx, ny))
+    })
 }
 
 /// What the table stores for a fitted lobe.
 fn entry(reflection: &Reflection, lobe: Lobe) -> Entry {
-    // The rounded lobe is the one that is rendered with.
-    let lobe = Lobe::from_array(lobe.to_array().map(|v| half::f16::from_f64(v).to_f64()));
+    // The norm is that of the rounded lobe, which is the one that is rendered with.
+    let lobe = Lobe::from_array(lobe.to_array().map(|v| f16::from_f64(v).to_f64()));
     let (a0, a1) = reflection.albedo();
     let lobe_norm = lobe.norm();
     Entry {
@@ -190,5 +275,56 @@ fn entry(reflection: &Reflection, lobe: Lobe) -> Entry {
         bias: a1 / lobe_norm,
         diffuse_fresnel: Reflection::diffuse_fresnel(reflection.n_dot_v),
         lobe_norm,
+    }
+}
+
+/// What the last row stores: the amplitude is the least-squares fit to the views between it and the row above.
+fn last_row_entry(resolution: usize, x: usize, lobe: Lobe, above: &Entry) -> Entry {
+    let last = (resolution - 1) as f64;
+    let mut entry = entry(&reflection_at(resolution, x as f64, last), lobe);
+    let (mut scale, mut bias, mut squares) = (0.0, 0.0, 0.0);
+    for t in LAST_ROW_FRACTIONS {
+        let (a0, a1) = reflection_at(resolution, x as f64, last - 1.0 + t).albedo();
+        let norm = (1.0 - t) * above.lobe_norm + t * entry.lobe_norm;
+        scale += t * ((a0 - a1) / norm - (1.0 - t) * above.scale);
+        bias += t * (a1 / norm - (1.0 - t) * above.bias);
+        squares += t * t;
+    }
+    entry.scale = (scale / squares).max(0.0);
+    entry.bias = (bias / squares).max(0.0);
+    entry
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_does_not_depend_on_the_number_of_threads() {
+        let fit = |threads| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("a thread pool")
+                .install(|| fit_table(4, |_, _| {}).to_bytes())
+        };
+        assert_eq!(fit(1), fit(3));
+    }
+
+    #[test]
+    fn progress_counts_to_its_total() {
+        let seen = AtomicUsize::new(0);
+        fit_table(3, |done, total| {
+            assert!(done <= total);
+            seen.fetch_max(done, Ordering::Relaxed);
+        });
+        assert_eq!(seen.into_inner(), 9 * (1 + REFINEMENTS) + 3);
+    }
+
+    #[test]
+    fn subnormal_halves_are_flushed() {
+        assert_eq!(flushed_half(6.0e-5), 0.0);
+        assert_eq!(flushed_half(-6.0e-5), 0.0);
+        assert_eq!(flushed_half(0.25), 0.25);
     }
 }

@@ -10,16 +10,18 @@
 
 pub mod brdf;
 mod fit;
-mod objective;
 pub mod lobe;
+mod objective;
 pub mod polygon;
 pub mod quadrature;
-mod quality;
+pub mod quality;
+pub mod report;
 pub mod table;
 
-pub use fit::{cell_coordinates, fit_cells, fit_table};
+pub use fit::{coordinates, fit_cells, fit_table, flushed_half, reflection_at};
 pub use lobe::Lobe;
-pub use quality::{Bevy, IntegralBin, Published, Quality, TotalVariation, quality, report};
+pub use quality::{Quality, quality};
+pub use report::report;
 pub use table::{Entry, Table, TableError};
 
 use std::io::Write;
@@ -30,18 +32,26 @@ pub const RESOLUTION: usize = 64;
 
 /// Smallest GGX width α that the table holds; smoother cells repeat it.
 ///
-/// f16 resolves the lobe's direction to 2⁻¹² rad ≈ 2.4e-4, so a lobe much narrower than this would only jitter from
-/// cell to cell; and the smallest entry that matters, 2 α n·v in row 2 of M⁻¹, stays a normal f16 number.
+/// f16 resolves the lobe's direction to about 2⁻¹² rad ≈ 2.4e-4, so a much narrower lobe would only jitter from cell
+/// to cell; and the smallest entries that matter, about 2 α n·v in row 2 of M⁻¹, are normal f16 numbers down to
+/// n·v = 0.03, the last row but one.
 pub const MIN_ALPHA: f64 = 1e-3;
 
-/// n·v of the last row. At 0 itself the lobe of a smooth surface degenerates.
+/// Smallest n·v at which a lobe is evaluated. No view reads the last row (n·v = 0) alone: it is fitted to the views
+/// between it and the row above.
 pub const MIN_N_DOT_V: f64 = 4e-3;
 
-/// Fits the shipped table and writes it to `out_path` through a temporary file beside it and a rename.
+/// Fits the shipped table and writes it to `out_path`; see [`fit_table`] and [`write_table`].
 ///
-/// `progress(done, total)` is called from worker threads.
+/// Takes minutes on two cores. `progress(done, total)` is called from worker threads.
 pub fn generate(out_path: &Path, progress: impl Fn(usize, usize) + Sync) -> std::io::Result<Table> {
     let table = fit_table(RESOLUTION, progress);
+    write_table(&table, out_path)?;
+    Ok(table)
+}
+
+/// Writes a table through a temporary file beside `out_path` and a rename, so that no half-written file can be seen.
+pub fn write_table(table: &Table, out_path: &Path) -> std::io::Result<()> {
     let mut temporary = out_path.as_os_str().to_owned();
     temporary.push(".partial");
     let temporary = Path::new(&temporary);
@@ -52,8 +62,29 @@ pub fn generate(out_path: &Path, progress: impl Fn(usize, usize) + Sync) -> std:
         })
         .and_then(|()| std::fs::rename(temporary, out_path));
     if written.is_err() {
-        // The error that counts is the first one.
+        // The error that counts is the first one; the file may never have been created.
         let _ = std::fs::remove_file(temporary);
     }
-    written.map(|()| table)
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writing_replaces_the_file_and_leaves_nothing_else() {
+        let folder = std::env::temp_dir().join(format!("akari_ltc_fit_{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let path = folder.join("table.bin");
+        std::fs::write(&path, b"old").expect("the old file");
+        let entry = Entry::from_array([1.0, 0.0, 0.0, 1.0, 0.5, 0.25, 0.1, 1.0]);
+        let table = Table::from_entries(2, &[entry; 4]);
+        write_table(&table, &path).expect("the folder can be written");
+        assert_eq!(std::fs::read(&path).expect("the file is there"), table.to_bytes());
+        assert_eq!(std::fs::read_dir(&folder).expect("the folder is there").count(), 1);
+        // A folder that is not there: an error, not a panic.
+        assert!(write_table(&table, &folder.join("no").join("table.bin")).is_err());
+        std::fs::remove_dir_all(&folder).expect("the folder can be removed");
+    }
 }

@@ -140,18 +140,29 @@ mod tests {
     }
 
     #[test]
-    fn rectangle_quadrature_matches_the_closed_form_for_a_wide_cosine() {
+    fn rectangle_quadrature_has_converged() {
         let rectangle = Rectangle {
             centre: [-0.5, 0.2, 2.0],
             half_edges: [[1.0, 0.0, 0.3], [0.0, 0.8, 0.0]],
         };
-        // Normalised: the same polygon, seen through both routes with f cosθ replaced by the lobe.
-        let reflection = Reflection::new(1.0, 1.0);
-        let coarse = rectangle.reflected(&reflection, 4);
-        let fine = rectangle.reflected(&reflection, 12);
+        let rough = Reflection::new(1.0, 1.0);
+        let (coarse, fine) = (rectangle.reflected(&rough, 4), rectangle.reflected(&rough, 12));
         assert!((coarse - fine).abs() < 1e-9 * fine, "{coarse} {fine}");
-        let one_panel = rectangle.reflected(&Reflection::new(0.02, 0.3), 1);
-        let many = rectangle.reflected(&Reflection::new(0.02, 0.3), 48);
-        assert!((one_panel - many).abs() > 1e-6, "a lobe this narrow needs panels");
+        // A narrow lobe at the rectangle needs panels of its size.
+        let narrow = Reflection::new(0.02, (0.25_f64).atan().cos());
+        let (one, many) = (rectangle.reflected(&narrow, 1), rectangle.reflected(&narrow, 48));
+        assert!((one - many).abs() > 1e-2 && (many - 1.0).abs() < 0.05, "{one} {many}");
+    }
+
+    #[test]
+    fn rectangle_quadrature_and_lobe_integral_agree_where_both_are_exact() {
+        // GGX of α = 1 at normal incidence, over the hemisphere: what the closed forms give.
+        let sky = Rectangle {
+            centre: [0.0, 0.0, 0.01],
+            half_edges: [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]],
+        };
+        let albedo = sky.reflected(&Reflection::new(1.0, 1.0), 400);
+        assert!((albedo - (1.0 - 2.0_f64.ln())).abs() < 3e-3, "{albedo}");
+        assert!((lobe_integral(&Lobe::COSINE, &sky.corners()) - 1.0).abs() < 1e-4);
     }
 }

@@ -1,28 +1,44 @@
 //! How good a table is: total variation, albedo, integrals over rectangular lights.
 
 use crate::brdf::Reflection;
+use crate::fit::{coordinates, reflection_at};
 use crate::lobe::Lobe;
-use crate::polygon::{Rectangle, lobe_integral};
+use crate::polygon::{Rectangle, clip_to_horizon, form_factor, lobe_integral};
 use crate::quadrature::Fineness;
 use crate::table::Table;
-use crate::{MIN_ALPHA, MIN_N_DOT_V, cell_coordinates};
 use rayon::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
 
-/// Total variation at one point of the table.
+/// Columns of a 64² table at which the published table was measured.
+const GRID_X: [usize; 8] = [4, 10, 16, 20, 32, 45, 55, 63];
+/// Rows of the same: 0°, 21°, 42°, 59°, 75°, 86°.
+const GRID_Y: [usize; 6] = [0, 16, 32, 44, 54, 61];
+/// Points per row of [`Quality::grid`].
+pub const GRID_ANGLES: usize = GRID_Y.len();
+/// The rest of the table is measured at every third cell.
+const STRIDE: usize = 3;
+
+/// Perceptual roughnesses of the bins of integrals.
+pub const BIN_ROUGHNESSES: [f64; 8] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0];
+/// View angles of the bins, degrees.
+pub const BIN_DEGREES: [(f64, f64); 5] = [(0.0, 45.0), (45.0, 70.0), (70.0, 80.0), (80.0, 88.0), (60.0, 80.0)];
+/// Random rectangles per bin.
+pub const RECTANGLES: usize = 320;
+
+/// The table against the reflection at one point.
 #[derive(Clone, Copy, Debug)]
-pub struct TotalVariation {
+pub struct Point {
     /// Perceptual roughness.
     pub roughness: f64,
     /// n·v.
     pub n_dot_v: f64,
     /// ½ ∫ |p − q| over the upper hemisphere between the normalised reflection p and the normalised lobe q.
-    pub distance: f64,
+    pub total_variation: f64,
     /// ‖p − q‖₂ / ‖p‖₂.
     pub relative_l2: f64,
-    /// Albedo of the table less that of the reflection, F = 1.
+    /// Albedo of the table less that of the reflection for F = 1.
     pub albedo_error: f64,
-    /// The same for the Schlick part, bias · N − A₁.
+    /// The same for the part of Schlick's weight (f0 = 0, f90 = 1).
     pub fresnel_error: f64,
 }
 
@@ -37,113 +53,132 @@ pub struct IntegralBin {
     pub mean: f64,
     /// √(Σ error² / Σ value²).
     pub rms: f64,
-    /// √(Σ error² / Σ value²) over the lights wholly above the horizon.
-    pub rms_above: f64,
+}
+
+/// Where the renderer clips the light to the horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clipping {
+    /// Before and after the transform: what our table is fitted for.
+    BeforeAndAfter,
+    /// After the transform only, as the published method does.
+    AfterOnly,
 }
 
 /// All figures of a table.
 #[derive(Clone, Debug)]
 pub struct Quality {
-    /// At the 48 cells on which the published table was measured, by roughness, then by angle.
-    pub grid: Vec<TotalVariation>,
-    /// At every fourth cell in both directions, and the last ones.
-    pub cells: Vec<TotalVariation>,
-    /// At the centres between four cells, every fourth.
-    pub midpoints: Vec<TotalVariation>,
-    /// Integrals over rectangles.
+    /// At the 48 cells on which the published table was measured: by roughness, then by angle.
+    pub grid: Vec<Point>,
+    /// At every third cell of every third row; the last row, which no view reads alone, apart.
+    pub cells: Vec<Point>,
+    /// In the middle between cells, next to each of `cells`.
+    pub midpoints: Vec<Point>,
+    /// By roughness, then by angle; with our clipping.
     pub bins: Vec<IntegralBin>,
 }
 
-/// Published figures, for comparison.
-#[derive(Clone, Copy, Debug)]
-pub struct Published;
-/// Bevy's.
-#[derive(Clone, Copy, Debug)]
-pub struct Bevy;
-
-/// Columns of the 64² grid at which the published table was measured.
-const GRID_X: [usize; 8] = [4, 10, 16, 20, 32, 45, 55, 63];
-/// Rows of the same.
-const GRID_Y: [usize; 6] = [0, 16, 32, 44, 54, 61];
-
-/// Compares a lobe with a reflection.
+/// Total variation and relative L2 distance between a normalised reflection and the normalised part of a lobe above
+/// the surface.
 pub fn distance(reflection: &Reflection, lobe: &Lobe) -> (f64, f64) {
     let nodes = reflection.nodes(Fineness::REPORT);
-    let values: Vec<(f64, f64)> = nodes
-        .iter()
-        .map(|n| (n.weight, reflection.cosine_weighted(n.direction)))
-        .collect();
-    let total: f64 = values.iter().map(|(w, f)| w * f).sum();
+    let values: Vec<f64> = nodes.iter().map(|n| reflection.cosine_weighted(n.direction)).collect();
+    let total: f64 = nodes.iter().zip(&values).map(|(n, f)| n.weight * f).sum();
     let norm = lobe.norm();
     let (mut variation, mut square, mut target) = (0.0, 0.0, 0.0);
-    for (node, (w, f)) in nodes.iter().zip(values) {
+    for (node, f) in nodes.iter().zip(values) {
         let p = f / total;
-        let d = p - lobe.density(node.direction) / norm;
-        variation += w * d.abs();
-        square += w * d * d;
-        target += w * p * p;
+        let difference = p - lobe.density(node.direction) / norm;
+        variation += node.weight * difference.abs();
+        square += node.weight * difference * difference;
+        target += node.weight * p * p;
     }
     (0.5 * variation, (square / target).sqrt())
 }
 
-/// Measures a table at table coordinates.
-pub fn measure(table: &Table, x: f64, y: f64) -> TotalVariation {
-    let last = (table.resolution() - 1) as f64;
-    let (roughness, s) = (x / last, y / last);
-    let n_dot_v = 1.0 - s * s;
-    let reflection = Reflection::new((roughness * roughness).max(MIN_ALPHA), n_dot_v.max(MIN_N_DOT_V));
+/// Measures a table at table coordinates, in cells.
+pub fn measure(table: &Table, x: f64, y: f64) -> Point {
+    let (roughness, n_dot_v) = coordinates(table.resolution(), x, y);
+    let reflection = reflection_at(table.resolution(), x, y);
     let entry = table.interpolate(x, y);
-    let (distance, relative_l2) = distance(&reflection, &entry.lobe);
+    let (total_variation, relative_l2) = distance(&reflection, &entry.lobe);
     let (a0, a1) = reflection.albedo();
-    TotalVariation {
+    Point {
         roughness,
         n_dot_v,
-        distance,
+        total_variation,
         relative_l2,
         albedo_error: entry.albedo() - a0,
         fresnel_error: entry.bias * entry.lobe_norm - a1,
     }
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014) to [0, 1).
+fn measure_all(table: &Table, points: &[(f64, f64)]) -> Vec<Point> {
+    points.par_iter().map(|&(x, y)| measure(table, x, y)).collect()
+}
+
+/// The 48 points at which the published table was measured; for another resolution, the same coordinates.
+pub fn measure_grid(table: &Table) -> Vec<Point> {
+    let scale = (table.resolution() - 1) as f64 / (crate::RESOLUTION - 1) as f64;
+    let points: Vec<(f64, f64)> = GRID_X
+        .iter()
+        .flat_map(|&x| GRID_Y.iter().map(move |&y| (x as f64 * scale, y as f64 * scale)))
+        .collect();
+    measure_all(table, &points)
+}
+
+/// Every third cell up to the last column and the last row but one, moved by `offset` cells in both directions and
+/// kept inside the table.
+pub fn measure_cells(table: &Table, offset: f64) -> Vec<Point> {
+    let last = table.resolution() - 1;
+    let every = |end: usize| (0..end).step_by(STRIDE).chain([end]);
+    let points: Vec<(f64, f64)> = every(last - 1)
+        .flat_map(|y| every(last).map(move |x| (x, y)))
+        .map(|(x, y)| ((x as f64 + offset).min(last as f64 - offset), y as f64 + offset))
+        .collect();
+    measure_all(table, &points)
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014, *Fast Splittable Pseudorandom Number Generators*).
 struct Random(u64);
+
 impl Random {
-    fn next(&mut self) -> f64 {
+    fn range(&mut self, from: f64, to: f64) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+        from + (to - from) * unit
     }
-    fn range(&mut self, a: f64, b: f64) -> f64 {
-        a + (b - a) * self.next()
+
+    /// Uniform by solid angle within `degrees` of `axis`.
+    fn in_cone(&mut self, axis: [f64; 3], degrees: f64) -> [f64; 3] {
+        let z = self.range(degrees.to_radians().cos(), 1.0);
+        let (s, (sin, cos)) = ((1.0 - z * z).sqrt(), self.range(0.0, TAU).sin_cos());
+        in_frame(axis, [s * cos, s * sin, z])
+    }
+
+    /// A light within 52° of the mirror direction, 1.5 m to 6 m away, half edges 0.25 m to 1.5 m, tilted up to 60°.
+    fn rectangle(&mut self, n_dot_v: f64) -> Rectangle {
+        let sin_v = (1.0 - n_dot_v * n_dot_v).sqrt();
+        let direction = self.in_cone([-sin_v, 0.0, n_dot_v], 52.0);
+        let distance = self.range(1.5, 6.0);
+        let normal = self.in_cone(direction, 60.0);
+        let (sin, cos) = self.range(0.0, TAU).sin_cos();
+        let (u, v) = (self.range(0.25, 1.5), self.range(0.25, 1.5));
+        Rectangle {
+            centre: direction.map(|d| d * distance),
+            half_edges: [
+                in_frame(normal, [cos * u, sin * u, 0.0]),
+                in_frame(normal, [-sin * v, cos * v, 0.0]),
+            ],
+        }
     }
 }
 
-/// A random light within 52° of the mirror direction, 1.5 to 6 m away, half edges 0.25 to 1.5 m, tilted up to 60°.
-fn random_rectangle(random: &mut Random, n_dot_v: f64) -> Rectangle {
-    let cone = |random: &mut Random, axis: [f64; 3], max_degrees: f64| {
-        let z = random.range(max_degrees.to_radians().cos(), 1.0);
-        let (s, (sin, cos)) = ((1.0 - z * z).sqrt(), random.range(0.0, 2.0 * PI).sin_cos());
-        around(axis, [s * cos, s * sin, z])
-    };
-    let sin_v = (1.0 - n_dot_v * n_dot_v).sqrt();
-    let direction = cone(random, [-sin_v, 0.0, n_dot_v], 52.0);
-    let distance = random.range(1.5, 6.0);
-    let normal = cone(random, direction, 60.0);
-    let (sin, cos) = random.range(0.0, 2.0 * PI).sin_cos();
-    let (half_u, half_v) = (random.range(0.25, 1.5), random.range(0.25, 1.5));
-    Rectangle {
-        centre: direction.map(|d| d * distance),
-        half_edges: [
-            around(normal, [cos * half_u, sin * half_u, 0.0]),
-            around(normal, [-sin * half_v, cos * half_v, 0.0]),
-        ],
-    }
-}
-
-/// `local` in a frame whose z is `axis` (Duff et al. 2017, *Building an Orthonormal Basis, Revisited*).
-fn around(axis: [f64; 3], local: [f64; 3]) -> [f64; 3] {
+/// `local` in a frame whose z is the unit vector `axis` (Duff et al. 2017, *Building an Orthonormal Basis,
+/// Revisited*, listing 3).
+fn in_frame(axis: [f64; 3], local: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = axis;
     let sign = 1.0_f64.copysign(z);
     let a = -1.0 / (sign + z);
@@ -153,126 +188,114 @@ fn around(axis: [f64; 3], local: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| t[i] * local[0] + u[i] * local[1] + axis[i] * local[2])
 }
 
-/// Rectangles per bin.
-const RECTANGLES: usize = 160;
-
-/// One bin of integral errors.
-pub fn integral_bin(table: &Table, roughness: f64, degrees: (f64, f64)) -> IntegralBin {
-    let seed = (roughness * 1000.0) as u64 * 1_000_003 + (degrees.0 * 10.0) as u64 * 1009 + (degrees.1 * 10.0) as u64;
+/// Integrals over [`RECTANGLES`] random rectangles: the table's closed form against quadrature of the reflection, F = 1.
+///
+/// The rectangles depend on the bin alone, so two tables see the same ones.
+pub fn integral_bin(table: &Table, roughness: f64, degrees: (f64, f64), clipping: Clipping) -> IntegralBin {
+    let seed = [roughness, degrees.0, degrees.1]
+        .iter()
+        .fold(0_u64, |seed, v| seed.wrapping_mul(1_000_003).wrapping_add((v * 1000.0) as u64));
     let mut random = Random(seed);
     let cases: Vec<(f64, Rectangle)> = (0..RECTANGLES)
         .map(|_| {
             let n_dot_v = random.range(degrees.0, degrees.1).to_radians().cos();
-            (n_dot_v, random_rectangle(&mut random, n_dot_v))
+            (n_dot_v, random.rectangle(n_dot_v))
         })
         .collect();
-    let alpha = (roughness * roughness).max(MIN_ALPHA);
-    let panels = ((4.0 / alpha) as usize).clamp(12, 60);
-    let errors: Vec<(f64, f64, bool)> = cases
+    let alpha = (roughness * roughness).max(crate::MIN_ALPHA);
+    // A panel of eight Gauss nodes takes in about one lobe width across a light of 60°.
+    let panels = ((1.0 / alpha) as usize).clamp(10, 60);
+    let values: Vec<(f64, f64)> = cases
         .par_iter()
         .map(|(n_dot_v, rectangle)| {
             let truth = rectangle.reflected(&Reflection::new(alpha, *n_dot_v), panels);
             let entry = table.sample(roughness, *n_dot_v);
-            let ours = (entry.scale + entry.bias) * lobe_integral(&entry.lobe, &rectangle.corners());
-            (ours - truth, truth, rectangle.corners().iter().all(|c| c[2] > 0.0))
+            let integral = match clipping {
+                Clipping::BeforeAndAfter => lobe_integral(&entry.lobe, &rectangle.corners()),
+                Clipping::AfterOnly => {
+                    let mapped = rectangle.corners().map(|corner| entry.lobe.transform(corner));
+                    form_factor(&clip_to_horizon(&mapped))
+                }
+            };
+            ((entry.scale + entry.bias) * integral - truth, truth)
         })
         .collect();
-    let fold = |f: &dyn Fn(&(f64, f64, bool)) -> f64| errors.iter().map(f).sum::<f64>();
+    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| values.iter().map(f).sum::<f64>();
     IntegralBin {
         roughness,
         degrees,
-        mean: fold(&|e| e.0.abs()) / fold(&|e| e.1),
-        rms: (fold(&|e| e.0 * e.0) / fold(&|e| e.1 * e.1)).sqrt(),
-        rms_above: (fold(&|e| if e.2 { e.0 * e.0 } else { 0.0 }) / fold(&|e| if e.2 { e.1 * e.1 } else { 0.0 })).sqrt(),
+        mean: sum(&|v| v.0.abs()) / sum(&|v| v.1),
+        rms: (sum(&|v| v.0 * v.0) / sum(&|v| v.1 * v.1)).sqrt(),
     }
+}
+
+/// Every bin of [`BIN_ROUGHNESSES`] × [`BIN_DEGREES`].
+pub fn integral_bins(table: &Table, clipping: Clipping) -> Vec<IntegralBin> {
+    BIN_ROUGHNESSES
+        .iter()
+        .flat_map(|&roughness| BIN_DEGREES.map(|degrees| integral_bin(table, roughness, degrees, clipping)))
+        .collect()
 }
 
 /// All figures of a table.
 pub fn quality(table: &Table) -> Quality {
-    let n = table.resolution();
-    let last = n - 1;
-    let at = |points: Vec<(f64, f64)>| -> Vec<TotalVariation> {
-        points.par_iter().map(|&(x, y)| measure(table, x, y)).collect()
-    };
-    let scale = last as f64 / 63.0;
-    let grid = GRID_X
-        .iter()
-        .flat_map(|&x| GRID_Y.iter().map(move |&y| (x as f64 * scale, y as f64 * scale)))
-        .collect();
-    let steps: Vec<usize> = (0..last).step_by(4.min(last)).chain([last]).collect();
-    let cells = steps
-        .iter()
-        .flat_map(|&y| steps.iter().map(move |&x| (x as f64, y as f64)))
-        .collect();
-    let midpoints = steps
-        .iter()
-        .flat_map(|&y| steps.iter().map(move |&x| (x, y)))
-        .map(|(x, y)| (x.min(last - 1) as f64 + 0.5, y.min(last - 1) as f64 + 0.5))
-        .collect();
-    let mut bins = Vec::new();
-    for roughness in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0] {
-        for degrees in [(0.0, 45.0), (45.0, 70.0), (60.0, 80.0), (70.0, 80.0), (80.0, 88.0)] {
-            bins.push(integral_bin(table, roughness, degrees));
+    Quality {
+        grid: measure_grid(table),
+        cells: measure_cells(table, 0.0),
+        midpoints: measure_cells(table, 0.5),
+        bins: integral_bins(table, Clipping::BeforeAndAfter),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::Entry;
+
+    #[test]
+    fn distance_of_a_lobe_to_another_is_between_0_and_1() {
+        // α = 1 at normal incidence is near a cosine; the cosine turned by 60° is not.
+        let reflection = Reflection::new(1.0, 1.0);
+        let (near, _) = distance(&reflection, &Lobe::COSINE);
+        let (sin, cos) = 60_f64.to_radians().sin_cos();
+        let (far, _) = distance(&reflection, &Lobe::from_array([cos, sin, -sin, cos]));
+        assert!(near < 0.1 && far > 0.4 && far < 1.0, "{near} {far}");
+    }
+
+    #[test]
+    fn random_rectangles_are_rectangles_of_the_stated_sizes() {
+        let mut random = Random(1);
+        for _ in 0..200 {
+            let n_dot_v = random.range(0.05, 1.0);
+            let Rectangle { centre, half_edges } = random.rectangle(n_dot_v);
+            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let [u, v] = half_edges;
+            assert!(dot(u, v).abs() < 1e-12);
+            for (length, from, to) in [(u, 0.25, 1.5), (v, 0.25, 1.5), (centre, 1.5, 6.0)] {
+                let length = dot(length, length).sqrt();
+                assert!((from - 1e-12..=to + 1e-12).contains(&length));
+            }
+            let mirror = [-(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
+            assert!(dot(centre, mirror) >= 52_f64.to_radians().cos() * dot(centre, centre).sqrt() - 1e-12);
         }
     }
-    let _ = cell_coordinates;
-    Quality {
-        grid: at(grid),
-        cells: at(cells),
-        midpoints: at(midpoints),
-        bins,
-    }
-}
 
-fn summary(points: &[TotalVariation]) -> String {
-    let mean = |f: &dyn Fn(&TotalVariation) -> f64| points.iter().map(f).sum::<f64>() / points.len() as f64;
-    let max = |f: &dyn Fn(&TotalVariation) -> f64| points.iter().map(f).fold(0.0, f64::max);
-    format!(
-        "TV mean {:.4} max {:.4}, L2 mean {:.4}, albedo max {:.5}, fresnel max {:.5}",
-        mean(&|p| p.distance),
-        max(&|p| p.distance),
-        mean(&|p| p.relative_l2),
-        max(&|p| p.albedo_error.abs()),
-        max(&|p| p.fresnel_error.abs())
-    )
-}
-
-/// Text.
-pub fn report(quality: &Quality) -> String {
-    let mut out = String::new();
-    let mut line = |s: String| {
-        out.push_str(&s);
-        out.push('\n');
-    };
-    for row in quality.grid.chunks(GRID_Y.len()) {
-        line(format!(
-            "alpha {:.4}: {}",
-            row[0].roughness * row[0].roughness,
-            row.iter()
-                .map(|p| format!("{:.0}° {:.3}", p.n_dot_v.max(MIN_N_DOT_V).acos().to_degrees(), p.distance))
-                .collect::<Vec<_>>()
-                .join(" | ")
-        ));
+    #[test]
+    fn integral_bins_see_a_wrong_amplitude() {
+        let bin = |scale| {
+            let entry = Entry {
+                lobe: Lobe::COSINE,
+                scale,
+                bias: 0.0,
+                diffuse_fresnel: 0.0,
+                lobe_norm: 1.0,
+            };
+            let table = Table::from_entries(2, &[entry; 4]);
+            integral_bin(&table, 1.0, (0.0, 5.0), Clipping::BeforeAndAfter)
+        };
+        // GGX of α = 1 reflects 1 − ln 2 = 0.307 of what the unit cosine does, in a lobe near it.
+        let (right, wrong) = (bin(1.0 - 2.0_f64.ln()), bin(1.0));
+        assert!(right.mean < 0.25, "{right:?}");
+        assert!(wrong.mean > 2.0, "{wrong:?}");
     }
-    line(format!("grid: {}", summary(&quality.grid)));
-    line(format!("cells: {}", summary(&quality.cells)));
-    line(format!("midpoints: {}", summary(&quality.midpoints)));
-    for row in quality.bins.chunks(5) {
-        line(format!(
-            "r {:.1}: {}",
-            row[0].roughness,
-            row.iter()
-                .map(|b| format!(
-                    "{:.0}-{:.0}° mean {:.1} rms {:.1} ({:.1})",
-                    b.degrees.0,
-                    b.degrees.1,
-                    100.0 * b.mean,
-                    100.0 * b.rms,
-                    100.0 * b.rms_above
-                ))
-                .collect::<Vec<_>>()
-                .join(" | ")
-        ));
-    }
-    out
 }

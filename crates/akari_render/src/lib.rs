@@ -1,1 +1,79 @@
-//! What the passes of bevy_akari share: census, demand, knobs, quality, accounting.
+//! What the passes of `bevy_akari` share.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`camera`] | [`AkariCamera`](camera::AkariCamera): the component that asks for the effects on one camera |
+//! | [`census`] | [`Census`](census::Census): what is in the scene, counted from changed components only |
+//! | [`demand`] | [`Demand`](demand::Demand), [`EffectReport`](demand::EffectReport): which effects run, and why |
+//! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
+//! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
+//! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
+//!
+//! An effect crate depends on this one and on `akari_math`, and on no other effect.
+
+use bevy::pbr::DefaultOpaqueRendererMethod;
+use bevy::prelude::*;
+
+pub mod camera;
+pub mod census;
+pub mod demand;
+pub mod ledger;
+pub mod quality;
+pub mod shaders;
+
+/// Everything that an effect uses from here.
+pub mod prelude {
+    pub use crate::camera::AkariCamera;
+    pub use crate::census::Census;
+    pub use crate::demand::{Demand, EffectReport, EffectState};
+    pub use crate::ledger::GpuLedger;
+    pub use crate::quality::{Knob, KnobError, Knobs, Quality};
+    pub use crate::{AkariRenderPlugin, AkariSystems};
+}
+
+/// The order of the systems of `bevy_akari` in the main world, all in [`PostUpdate`].
+#[derive(SystemSet, Debug, Clone, PartialEq, Eq, Hash)]
+pub enum AkariSystems {
+    /// Effects count what concerns them into the [`Census`](census::Census).
+    Census,
+    /// Effects decide from the census whether they are needed.
+    Demand,
+}
+
+/// Resources and system sets that every effect needs. Added by each effect's plugin if it is not there yet.
+#[derive(Default)]
+pub struct AkariRenderPlugin;
+
+impl Plugin for AkariRenderPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<camera::AkariCamera>()
+            .register_type::<quality::Quality>()
+            .init_resource::<census::Census>()
+            .init_resource::<demand::EffectReport>()
+            .configure_sets(
+                PostUpdate,
+                (AkariSystems::Census, AkariSystems::Demand)
+                    .chain()
+                    .after(TransformSystems::Propagate),
+            );
+        // The passes light what the deferred prepass draws.
+        app.insert_resource(DefaultOpaqueRendererMethod::deferred());
+        let ledger = ledger::GpuLedger::default();
+        app.insert_resource(ledger.clone());
+        shaders::register_math_shaders(app);
+        if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
+            render_app.insert_resource(ledger);
+        }
+    }
+
+    fn is_unique(&self) -> bool {
+        true
+    }
+}
+
+/// Adds [`AkariRenderPlugin`] unless another effect has added it.
+pub fn ensure_render_plugin(app: &mut App) {
+    if !app.is_plugin_added::<AkariRenderPlugin>() {
+        app.add_plugins(AkariRenderPlugin);
+    }
+}

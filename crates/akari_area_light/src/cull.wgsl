@@ -1,0 +1,153 @@
+// For each tile of the screen, one bit for each light: may it reach any pixel of the tile? One workgroup a tile.
+
+#import bevy_render::view::View
+#import akari_math::area_light::{dielectric_f0_from_reflectance, dielectric_f90_from_f0}
+#import akari_math::tile_bounds::{
+    box_behind_plane, box_distance_squared, box_plane_distance, form_factor_bound, lobe_bound, sphere_touches_box,
+}
+#import akari_area_light::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
+#import akari_area_light::types::{
+    AreaLight, AreaLightView, COUNTER_BELOW_CUTOFF, COUNTER_KEPT, COUNTER_OUT_OF_RANGE, COUNTER_TILES,
+    COUNTER_TURNED_AWAY, CULL_WORKGROUP, FLAG_TWO_SIDED, LIGHTS_PER_WORD, TILE_SIZE,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> area_view: AreaLightView;
+@group(0) @binding(2) var depth_texture: texture_depth_2d;
+@group(0) @binding(3) var gbuffer_texture: texture_2d<u32>;
+@group(0) @binding(4) var pass_id_texture: texture_2d<u32>;
+@group(0) @binding(5) var<storage, read> lights: array<AreaLight>;
+@group(0) @binding(6) var<storage, read_write> masks: array<u32>;
+@group(0) @binding(7) var<storage, read_write> counters: array<atomic<u32>, 5>;
+
+const NO_ALPHA: f32 = 2.0;
+const FAR: f32 = 3e38;
+
+// Box of each invocation's pixels, then of ever more of them.
+var<workgroup> low: array<vec3<f32>, CULL_WORKGROUP>;
+var<workgroup> high: array<vec3<f32>, CULL_WORKGROUP>;
+// Smallest alpha of a glossy pixel, or NO_ALPHA.
+var<workgroup> alpha: array<f32, CULL_WORKGROUP>;
+
+const KEPT: u32 = 0u;
+const OUT_OF_RANGE: u32 = 1u;
+const TURNED_AWAY: u32 = 2u;
+const BELOW_CUTOFF: u32 = 3u;
+const ON_OTHER_LAYERS: u32 = 4u;
+
+fn verdict(light: AreaLight, box_min: vec3<f32>, box_max: vec3<f32>, alpha_min: f32) -> u32 {
+    if (light.render_layers & area_view.render_layers) == 0u {
+        return ON_OTHER_LAYERS;
+    }
+    if area_view.culling == 0u {
+        return KEPT;
+    }
+    let center = rotate_to_view(view, light.center_ws - view.world_position);
+    if light.inverse_range_squared > 0.0 {
+        let range_center = rotate_to_view(view, light.range_center_ws - view.world_position);
+        if sphere_touches_box(range_center, inverseSqrt(light.inverse_range_squared), box_min, box_max) == 0u {
+            return OUT_OF_RANGE;
+        }
+    }
+    let normal = rotate_to_view(view, light.normal_ws);
+    let plane = vec4(normal, -dot(normal, center));
+    let two_sided = (light.flags & FLAG_TWO_SIDED) != 0u;
+    if !two_sided && box_behind_plane(box_min, box_max, plane) != 0u {
+        return TURNED_AWAY;
+    }
+    if light.inverse_range_squared == 0.0 && area_view.cutoff_per_light > 0.0 {
+        var height = box_plane_distance(box_min, box_max, plane);
+        if two_sided {
+            height = max(height, box_plane_distance(box_min, box_max, -plane));
+        }
+        let distance_squared = box_distance_squared(center, box_min, box_max);
+        let diffuse = form_factor_bound(light.area, light.radius, distance_squared, height);
+        var specular = 0.0;
+        if alpha_min < NO_ALPHA {
+            specular = lobe_bound(diffuse, alpha_min);
+        }
+        let radiance = max(max(light.radiance.r, light.radiance.g), light.radiance.b) * view.exposure;
+        if radiance * (diffuse + specular) < area_view.cutoff_per_light {
+            return BELOW_CUTOFF;
+        }
+    }
+    return KEPT;
+}
+
+@compute @workgroup_size(CULL_WORKGROUP, 1, 1)
+fn cull(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let origin = vec2<u32>(view.viewport.xy) + tile.xy * TILE_SIZE;
+    let end = vec2<u32>(view.viewport.xy + view.viewport.zw);
+
+    var box_min = vec3(FAR);
+    var box_max = vec3(-FAR);
+    var alpha_min = NO_ALPHA;
+    for (var i = invocation; i < TILE_SIZE * TILE_SIZE; i += CULL_WORKGROUP) {
+        let pixel = origin + vec2(i % TILE_SIZE, i / TILE_SIZE);
+        if any(pixel >= end) {
+            continue;
+        }
+        let depth = textureLoad(depth_texture, pixel, 0);
+        if depth == 0.0 || textureLoad(pass_id_texture, pixel, 0).r != area_view.lighting_pass_id {
+            continue;
+        }
+        let position = position_in_view(view, vec2<f32>(pixel) + 0.5, depth);
+        box_min = min(box_min, position);
+        box_max = max(box_max, position);
+        let surface = unpack_surface(textureLoad(gbuffer_texture, pixel, 0));
+        let f90 = dielectric_f90_from_f0(dielectric_f0_from_reflectance(surface.reflectance));
+        if surface.metallic > 0.0 || f90 > 0.0 {
+            alpha_min = min(alpha_min, surface.perceptual_roughness * surface.perceptual_roughness);
+        }
+        if surface.clearcoat > 0.0 {
+            let coat = surface.clearcoat_perceptual_roughness;
+            alpha_min = min(alpha_min, coat * coat);
+        }
+    }
+    low[invocation] = box_min;
+    high[invocation] = box_max;
+    alpha[invocation] = alpha_min;
+    for (var stride = CULL_WORKGROUP / 2u; stride > 0u; stride /= 2u) {
+        workgroupBarrier();
+        if invocation < stride {
+            low[invocation] = min(low[invocation], low[invocation + stride]);
+            high[invocation] = max(high[invocation], high[invocation + stride]);
+            alpha[invocation] = min(alpha[invocation], alpha[invocation + stride]);
+        }
+    }
+    workgroupBarrier();
+    box_min = low[0];
+    box_max = high[0];
+    alpha_min = alpha[0];
+    let empty = box_min.x > box_max.x;
+
+    // Each invocation writes whole words of the mask, so that no two of them touch the same one.
+    var counts = vec4(0u);
+    let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
+    for (var word = invocation; word < area_view.words_per_tile; word += CULL_WORKGROUP) {
+        var mask = 0u;
+        if !empty {
+            let first = word * LIGHTS_PER_WORD;
+            let count = min(area_view.light_count - min(first, area_view.light_count), LIGHTS_PER_WORD);
+            for (var bit = 0u; bit < count; bit++) {
+                let result = verdict(lights[first + bit], box_min, box_max, alpha_min);
+                if result == KEPT {
+                    mask |= 1u << bit;
+                }
+                counts += select(vec4(0u), vec4(1u), vec4(result) == vec4(KEPT, OUT_OF_RANGE, TURNED_AWAY, BELOW_CUTOFF));
+            }
+        }
+        masks[first_word + word] = mask;
+    }
+    if !empty {
+        if invocation == 0u {
+            atomicAdd(&counters[COUNTER_TILES], 1u);
+        }
+        if any(counts != vec4(0u)) {
+            atomicAdd(&counters[COUNTER_KEPT], counts.x);
+            atomicAdd(&counters[COUNTER_OUT_OF_RANGE], counts.y);
+            atomicAdd(&counters[COUNTER_TURNED_AWAY], counts.z);
+            atomicAdd(&counters[COUNTER_BELOW_CUTOFF], counts.w);
+        }
+    }
+}

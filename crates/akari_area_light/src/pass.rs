@@ -1,0 +1,76 @@
+//! The two passes: cull lights by tiles, then shade.
+
+use crate::pipeline::{AreaLightPipelines, CULL_LABEL, SHADE_LABEL};
+use crate::prepare::{AreaLightsReady, ViewAreaLights};
+use akari_render::ledger::GpuLedger;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache, RenderPassDescriptor};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewTarget, ViewUniformOffset};
+
+/// Finds, for each tile of the screen, the lights that reach it.
+pub fn area_light_cull(
+    view: ViewQuery<(&ViewAreaLights, &AreaLightsReady, &ViewUniformOffset)>,
+    pipelines: Option<Res<AreaLightPipelines>>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (lights, ready, view_offset) = view.into_inner();
+    let (true, Some(pipelines), Some(group)) = (ready.0, pipelines, &lights.cull_group) else {
+        return;
+    };
+    let Some(pipeline) = cache.get_compute_pipeline(pipelines.cull) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    encoder.clear_buffer(&lights.counters, 0, None);
+    let span = diagnostics.time_span(encoder, CULL_LABEL);
+    {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+            label: Some(CULL_LABEL),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[view_offset.offset]);
+        pass.dispatch_workgroups(lights.tiles.x, lights.tiles.y, 1);
+    }
+    span.end(encoder);
+    ledger.count_pass(CULL_LABEL);
+}
+
+/// Adds the light of all area lights to the HDR target, between Bevy's deferred lighting and the forward materials.
+pub fn area_light_shade(
+    view: ViewQuery<(&ViewAreaLights, &AreaLightsReady, &ViewUniformOffset, &ViewTarget, &ExtractedCamera)>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (lights, ready, view_offset, target, camera) = view.into_inner();
+    let (true, Some(group)) = (ready.0, &lights.shade_group) else {
+        return;
+    };
+    let Some(pipeline) = cache.get_render_pipeline(lights.shade) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(SHADE_LABEL),
+        color_attachments: &[Some(target.get_unsampled_color_attachment())],
+        ..default()
+    });
+    let span = diagnostics.pass_span(&mut pass, SHADE_LABEL);
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[view_offset.offset]);
+    pass.draw(0..3, 0..1);
+    span.end(&mut pass);
+    ledger.count_pass(SHADE_LABEL);
+}

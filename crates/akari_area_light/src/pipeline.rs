@@ -1,0 +1,211 @@
+//! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
+
+use crate::types::{GpuAreaLight, GpuAreaLightView};
+use bevy::asset::{AssetServer, Handle, load_embedded_asset};
+use bevy::core_pipeline::FullscreenShader;
+use bevy::pbr::MeshPipelineKey;
+use bevy::pbr::deferred::DeferredLightingLayout;
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array, texture_depth_2d,
+    uniform_buffer,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::view::ViewUniform;
+use bevy::shader::{Shader, ShaderDefVal};
+
+/// Label of the culling pass and of its time span.
+pub const CULL_LABEL: &str = "akari_area_light_cull";
+/// Label of the shading pass and of its time span.
+pub const SHADE_LABEL: &str = "akari_area_light_shade";
+
+/// Layouts, shaders, the LTC table: everything that all views share. Made when the first view needs it, dropped when
+/// the last one no longer does.
+#[derive(Resource)]
+pub struct AreaLightPipelines {
+    /// Bind group of the culling pass.
+    pub cull_layout: BindGroupLayoutDescriptor,
+    /// Bind group of the shading pass.
+    pub shade_layout: BindGroupLayoutDescriptor,
+    /// The same with light images.
+    pub shade_textured_layout: BindGroupLayoutDescriptor,
+    /// The culling pass.
+    pub cull: CachedComputePipelineId,
+    /// M⁻¹ and magnitude, two layers.
+    pub ltc_table: TextureView,
+    /// Bilinear, clamped: for the table.
+    pub table_sampler: Sampler,
+    /// Trilinear, clamped: for light images.
+    pub image_sampler: Sampler,
+    vertex: VertexState,
+    shade_shader: Handle<Shader>,
+}
+
+/// Bytes of the LTC table on the GPU.
+pub fn ltc_table_bytes() -> u64 {
+    akari_math::ltc::table::TABLE_BYTES.len() as u64
+}
+
+impl AreaLightPipelines {
+    /// Creates them and queues the culling pipeline.
+    pub fn new(
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        cache: &PipelineCache,
+        assets: &AssetServer,
+        fullscreen: &FullscreenShader,
+    ) -> Self {
+        let depth = texture_depth_2d();
+        let uint = texture_2d(TextureSampleType::Uint);
+        let float_array = texture_2d_array(TextureSampleType::Float { filterable: true });
+        let filtering = sampler(SamplerBindingType::Filtering);
+        let view = uniform_buffer::<ViewUniform>(true);
+        let area_view = uniform_buffer::<GpuAreaLightView>(false);
+        let lights = storage_buffer_read_only_sized(false, Some(GpuAreaLight::min_size()));
+        let read = storage_buffer_read_only_sized(false, None);
+        let write = storage_buffer_sized(false, None);
+        let cull_layout = BindGroupLayoutDescriptor::new(
+            "akari_area_light_cull_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (view, area_view, depth, uint, uint, lights, write, write),
+            ),
+        );
+        let shade_layout = BindGroupLayoutDescriptor::new(
+            "akari_area_light_shade_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (view, area_view, depth, uint, uint, lights, read, read, float_array, filtering),
+            ),
+        );
+        let shade_textured_layout = BindGroupLayoutDescriptor::new(
+            "akari_area_light_shade_textured_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (
+                    view, area_view, depth, uint, uint, lights, read, read, float_array, filtering, float_array,
+                    filtering,
+                ),
+            ),
+        );
+        let cull = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(CULL_LABEL.into()),
+            layout: vec![cull_layout.clone()],
+            shader: load_embedded_asset!(assets, "cull.wgsl"),
+            ..default()
+        });
+        Self {
+            cull_layout,
+            shade_layout,
+            shade_textured_layout,
+            cull,
+            ltc_table: upload_ltc_table(device, queue),
+            table_sampler: device.create_sampler(&SamplerDescriptor {
+                label: Some("akari_area_light_table_sampler"),
+                mag_filter: FilterMode::Linear,
+                min_filter: FilterMode::Linear,
+                ..default()
+            }),
+            image_sampler: device.create_sampler(&SamplerDescriptor {
+                label: Some("akari_area_light_image_sampler"),
+                mag_filter: FilterMode::Linear,
+                min_filter: FilterMode::Linear,
+                mipmap_filter: MipmapFilterMode::Linear,
+                ..default()
+            }),
+            vertex: fullscreen.to_vertex_state(),
+            shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
+        }
+    }
+}
+
+/// The fitted table as a texture array of two layers.
+fn upload_ltc_table(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
+    use akari_math::ltc::table::{SIZE, TABLE_BYTES};
+    let size = SIZE as u32;
+    let texture = device.create_texture_with_data(
+        queue,
+        &TextureDescriptor {
+            label: Some("akari_area_light_ltc_table"),
+            size: Extent3d {
+                width: size,
+                height: size,
+                depth_or_array_layers: 2,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: TextureFormat::Rgba16Float,
+            usage: TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        },
+        TextureDataOrder::LayerMajor,
+        TABLE_BYTES,
+    );
+    texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..default()
+    })
+}
+
+/// What makes one shading pipeline differ from another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ShadeKey {
+    /// Format of the view target.
+    pub target_format: TextureFormat,
+    /// Whether any light has an image.
+    pub textured: bool,
+}
+
+impl SpecializedRenderPipeline for AreaLightPipelines {
+    type Key = ShadeKey;
+
+    fn specialize(&self, key: ShadeKey) -> RenderPipelineDescriptor {
+        let add = BlendComponent {
+            src_factor: BlendFactor::One,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
+        let (layout, shader_defs) = if key.textured {
+            (&self.shade_textured_layout, vec!["TEXTURED".into()])
+        } else {
+            (&self.shade_layout, vec![])
+        };
+        RenderPipelineDescriptor {
+            label: Some(SHADE_LABEL.into()),
+            layout: vec![layout.clone()],
+            vertex: self.vertex.clone(),
+            fragment: Some(FragmentState {
+                shader: self.shade_shader.clone(),
+                shader_defs,
+                targets: vec![Some(ColorTargetState {
+                    format: key.target_format,
+                    blend: Some(BlendState { color: add, alpha: add }),
+                    write_mask: ColorWrites::COLOR,
+                })],
+                ..default()
+            }),
+            ..default()
+        }
+    }
+}
+
+/// The shader definition that switches `rect_light` on in Bevy's lighting.
+const BEVY_RECT_LIGHT_DEF: &str = "AREA_LIGHT_LUTS";
+
+/// Bevy's deferred lighting without its rectangular lights, which ours draws: the same shader with one definition
+/// less. Materials that are drawn forward keep Bevy's lighting.
+pub fn deferred_lighting_without_rect_lights(
+    bevy_layout: &DeferredLightingLayout,
+    key: MeshPipelineKey,
+) -> RenderPipelineDescriptor {
+    let mut descriptor = bevy_layout.specialize(key);
+    let keep = |def: &ShaderDefVal| !matches!(def, ShaderDefVal::Bool(name, _) if name == BEVY_RECT_LIGHT_DEF);
+    descriptor.vertex.shader_defs.retain(keep);
+    if let Some(fragment) = &mut descriptor.fragment {
+        fragment.shader_defs.retain(keep);
+    }
+    descriptor.label = Some("akari_deferred_lighting_without_rect_lights".into());
+    descriptor
+}

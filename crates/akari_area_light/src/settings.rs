@@ -1,0 +1,138 @@
+//! Settings of the area lights of a view.
+
+use akari_render::prelude::*;
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How the area lights of a view are drawn.
+///
+/// On a camera it switches area lighting on for that camera (and brings
+/// [`AkariCamera`](akari_render::camera::AkariCamera) with it). Every other `AkariCamera` takes the settings of
+/// [`DefaultAreaLighting`].
+#[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[require(AkariCamera)]
+#[serde(default, deny_unknown_fields)]
+pub struct AreaLighting {
+    /// Light that may be lost in a tile, as a bound on its summed radiance times the camera's exposure; 0 keeps every
+    /// light everywhere. Range 0 to 1.
+    ///
+    /// Lights without a range reach everywhere. A tile drops those whose upper bound (see
+    /// `akari_math::tile_bounds`) is below this value divided by the number of lights, so that whatever the
+    /// scene, no pixel loses more than this. A light with a range is never dropped within it.
+    pub contribution_cutoff: f32,
+    /// Cells per side into which the image of a textured light is cut, each lit by itself. 1 to 8.
+    ///
+    /// One cell is the method of Heitz et al. 2016: a single prefiltered look-up for the whole light. More cells
+    /// converge to the exact integral; the light costs as much as cells² lights without a texture.
+    pub texture_cells: u32,
+    /// Whether lights are culled by tiles of the screen. Off, each pixel visits every light: only for comparison.
+    pub culling: bool,
+}
+
+/// Settings of every camera that has an [`AkariCamera`](akari_render::camera::AkariCamera) but no [`AreaLighting`].
+#[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Reflect)]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct DefaultAreaLighting(pub AreaLighting);
+
+impl Default for AreaLighting {
+    fn default() -> Self {
+        Self::preset(Quality::default())
+    }
+}
+
+impl Knobs for AreaLighting {
+    const KNOBS: &'static [Knob] = &[
+        Knob {
+            name: "contribution_cutoff",
+            what: "pre-exposed radiance that a pixel may lose to culling of lights without a range",
+            min: 0.0,
+            max: 1.0,
+            integer: false,
+            presets: [1.0 / 256.0, 1.0 / 1024.0, 1.0 / 4096.0, 0.0],
+            cost: "a larger value drops more lights from a tile and is faster",
+        },
+        Knob {
+            name: "texture_cells",
+            what: "cells per side of a textured light, each lit by itself",
+            min: 1.0,
+            max: 8.0,
+            integer: true,
+            presets: [1.0, 2.0, 4.0, 8.0],
+            cost: "a textured light costs cells² times an untextured one",
+        },
+        Knob {
+            name: "culling",
+            what: "1: lights are culled by screen tiles; 0: each pixel visits every light",
+            min: 0.0,
+            max: 1.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 1.0],
+            cost: "0 costs the full price of every light at every pixel",
+        },
+    ];
+
+    fn value(&self, name: &str) -> Option<f32> {
+        match name {
+            "contribution_cutoff" => Some(self.contribution_cutoff),
+            "texture_cells" => Some(self.texture_cells as f32),
+            "culling" => Some(f32::from(u8::from(self.culling))),
+            _ => None,
+        }
+    }
+
+    fn store(&mut self, name: &str, value: f32) {
+        match name {
+            "contribution_cutoff" => self.contribution_cutoff = value,
+            "texture_cells" => self.texture_cells = value as u32,
+            "culling" => self.culling = value != 0.0,
+            _ => {}
+        }
+    }
+
+    fn preset(quality: Quality) -> Self {
+        let mut settings = Self {
+            contribution_cutoff: 0.0,
+            texture_cells: 1,
+            culling: true,
+        };
+        for knob in Self::KNOBS {
+            settings.store(knob.name, knob.presets[quality as usize]);
+        }
+        settings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_reads_back_what_was_set() {
+        for knob in AreaLighting::KNOBS {
+            let mut settings = AreaLighting::preset(Quality::Low);
+            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
+                settings.set_knob(knob.name, value).expect("presets and limits are valid");
+                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
+            }
+        }
+    }
+
+    #[test]
+    fn invalid_values_are_refused_with_a_reason() {
+        let mut settings = AreaLighting::default();
+        let before = settings;
+        for (name, value) in [
+            ("contribution_cutoff", f32::NAN),
+            ("contribution_cutoff", -1.0),
+            ("texture_cells", 2.5),
+            ("texture_cells", 9.0),
+        ] {
+            let error = settings.set_knob(name, value).expect_err("out of range");
+            assert!(error.to_string().contains(name), "{error}");
+        }
+        let unknown = settings.set_knob("textur_cells", 2.0).expect_err("no such knob");
+        assert!(unknown.to_string().contains("texture_cells"), "{unknown}");
+        assert_eq!(settings, before, "a refused value changes nothing");
+    }
+}

@@ -1,0 +1,210 @@
+// Adds the light of all area lights to one pixel: load, call the formulas of `akari_math`, store.
+
+#import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
+#import bevy_render::view::View
+#import akari_math::area_light::{
+    diffuse_specular_combine, diffuse_transmission, range_falloff, specular_albedo, surface_reflectance,
+}
+#import akari_math::frame::shading_frame
+#import akari_math::ltc::lookup::{ltc_m, ltc_m_inv, ltc_uv}
+#import akari_math::ltc::polygon::{
+    LambertPolygon, LtcPolygon, lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new,
+    ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new,
+}
+#import akari_area_light::gbuffer::{Surface, position_relative, unpack_surface, view_direction}
+#import akari_area_light::types::{
+    AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_SIZE,
+}
+#ifdef TEXTURED
+#import akari_math::light_image::{light_image_lookup, light_image_lod}
+#endif
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> area_view: AreaLightView;
+@group(0) @binding(2) var depth_texture: texture_depth_2d;
+@group(0) @binding(3) var gbuffer_texture: texture_2d<u32>;
+@group(0) @binding(4) var pass_id_texture: texture_2d<u32>;
+@group(0) @binding(5) var<storage, read> lights: array<AreaLight>;
+@group(0) @binding(6) var<storage, read> vertices: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read> masks: array<u32>;
+@group(0) @binding(8) var ltc_table: texture_2d_array<f32>;
+@group(0) @binding(9) var table_sampler: sampler;
+#ifdef TEXTURED
+@group(0) @binding(10) var light_images: texture_2d_array<f32>;
+@group(0) @binding(11) var image_sampler: sampler;
+#endif
+
+// A two-sided light does not shine on its own plane: relative to its radius, a point closer than this lies on it up
+// to the rounding of its depth.
+const ON_LIGHT_PLANE: f32 = 1e-4;
+// Fresnel reflectance of a clear coat at normal incidence (glTF KHR_materials_clearcoat: index of refraction 1.5).
+const CLEARCOAT_F0: f32 = 0.04;
+// Rays of a look that grazes or passes below an interpolated normal see the surface as from this cosine.
+const MIN_N_DOT_V: f32 = 1e-4;
+
+// One specular layer at one pixel.
+struct Layer {
+    m_inv: mat3x3<f32>,
+    m: mat3x3<f32>,
+    albedo: vec3<f32>,
+    diffuse_fresnel: f32,
+}
+
+fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> Layer {
+    let uv = ltc_uv(perceptual_roughness, n_dot_v);
+    let texel0 = textureSampleLevel(ltc_table, table_sampler, uv, 0, 0.0);
+    let texel1 = textureSampleLevel(ltc_table, table_sampler, uv, 1, 0.0);
+    var layer: Layer;
+    layer.m_inv = ltc_m_inv(texel0);
+    layer.m = ltc_m(texel0);
+    layer.albedo = specular_albedo(f0, f90, texel1.x, texel1.y);
+    layer.diffuse_fresnel = texel1.z;
+    return layer;
+}
+
+// A light as the pixel sees it.
+struct SeenLight {
+    // Centre relative to the shading point, along the axes of the world.
+    center: vec3<f32>,
+    // Radiance at the shading point: what the range leaves of it. 0 if the light does not reach the point.
+    radiance: vec3<f32>,
+    // -1 where the back is seen, whose corners run the other way round.
+    side: f32,
+}
+
+fn see_light(light: AreaLight, position_rel: vec3<f32>) -> SeenLight {
+    var seen: SeenLight;
+    seen.center = (light.center_ws - view.world_position) - position_rel;
+    seen.radiance = vec3(0.0);
+    seen.side = 1.0;
+    if (light.render_layers & area_view.render_layers) == 0u {
+        return seen;
+    }
+    let height = -dot(light.normal_ws, seen.center);
+    if (light.flags & FLAG_TWO_SIDED) != 0u {
+        if abs(height) <= ON_LIGHT_PLANE * light.radius {
+            return seen;
+        }
+        seen.side = sign(height);
+    } else if height <= 0.0 {
+        return seen;
+    }
+    let to_range_center = (light.range_center_ws - view.world_position) - position_rel;
+    let falloff = range_falloff(dot(to_range_center, to_range_center), light.inverse_range_squared);
+    seen.radiance = light.radiance * falloff;
+    return seen;
+}
+
+// The colour that the light's image adds to an integral whose vector form factor points along `axis`.
+fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<f32>, m_inv: mat3x3<f32>, axis: vec3<f32>) -> vec3<f32> {
+#ifdef TEXTURED
+    if light.texture_layer != NO_TEXTURE {
+        let lookup = light_image_lookup(
+            axis * seen.side,
+            m,
+            m_inv,
+            seen.center * frame,
+            light.normal_ws * frame,
+            vec4(light.texture_u.xyz * frame, light.texture_u.w),
+            vec4(light.texture_v.xyz * frame, light.texture_v.w),
+            light.layer_area,
+        );
+        let texels = f32(textureDimensions(light_images).x);
+        let lod = light_image_lod(lookup.z, light.cell_size, texels);
+        return textureSampleLevel(light_images, image_sampler, lookup.xy, light.texture_layer, lod).rgb;
+    }
+#endif
+    return vec3(1.0);
+}
+
+@fragment
+fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(in.position.xy);
+    let depth = textureLoad(depth_texture, pixel, 0);
+    // Reverse z: 0 is the background.
+    if depth == 0.0 || textureLoad(pass_id_texture, pixel, 0).r != area_view.lighting_pass_id {
+        discard;
+    }
+    let surface = unpack_surface(textureLoad(gbuffer_texture, pixel, 0));
+    if surface.unlit {
+        discard;
+    }
+    let position_rel = position_relative(view, in.position.xy, depth);
+    let view_ws = view_direction(view, position_rel);
+    let frame = shading_frame(surface.normal_ws, view_ws);
+    let n_dot_v = clamp(dot(surface.normal_ws, view_ws), MIN_N_DOT_V, 1.0);
+
+    let reflectance = surface_reflectance(surface.base_color, surface.metallic, surface.reflectance);
+    let base = layer_from_table(surface.perceptual_roughness, n_dot_v, reflectance.f0, reflectance.f90);
+    let diffuse_albedo = reflectance.diffuse_color
+        * diffuse_transmission(vec3(reflectance.dielectric_f0), reflectance.dielectric_f90, base.diffuse_fresnel);
+    let glossy = reflectance.f90 > 0.0;
+
+    var coat: Layer;
+    var coat_transmission = 1.0;
+    if surface.clearcoat > 0.0 {
+        coat = layer_from_table(surface.clearcoat_perceptual_roughness, n_dot_v, vec3(CLEARCOAT_F0), 1.0);
+        coat.albedo *= surface.clearcoat;
+        coat_transmission = 1.0 - surface.clearcoat * (CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * coat.diffuse_fresnel);
+    }
+
+    let tile = (vec2<u32>(in.position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
+    let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
+    var radiance = vec3(0.0);
+    for (var word = 0u; word < area_view.words_per_tile; word++) {
+        var mask = masks[first_word + word];
+        // Lowest bit first, so that lights are summed in the same order whatever was culled.
+        while mask != 0u {
+            let bit = firstTrailingBit(mask);
+            mask &= mask - 1u;
+            let light = lights[word * LIGHTS_PER_WORD + bit];
+            let seen = see_light(light, position_rel);
+            if all(seen.radiance == vec3(0.0)) {
+                continue;
+            }
+            radiance += shade_light(light, seen, frame, base, diffuse_albedo, glossy) * coat_transmission;
+            if surface.clearcoat > 0.0 {
+                radiance += shade_light(light, seen, frame, coat, vec3(0.0), true);
+            }
+        }
+    }
+    return vec4(radiance * view.exposure, 0.0);
+}
+
+// Radiance that one light sends to the camera by way of one layer.
+fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, diffuse_albedo: vec3<f32>, glossy: bool) -> vec3<f32> {
+    let identity = mat3x3<f32>(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
+    let last = light.vertex_offset + light.vertex_count - 1u;
+    // world · frame (vector times matrix) multiplies by the transpose: world to shading space.
+    var a = (seen.center + vertices[last].xyz) * frame;
+    if !glossy {
+        var polygon = lambert_polygon_new();
+        for (var i = 0u; i < light.vertex_count; i++) {
+            let b = (seen.center + vertices[light.vertex_offset + i].xyz) * frame;
+            lambert_polygon_add_edge(&polygon, a, b);
+            a = b;
+        }
+        lambert_polygon_close(&polygon);
+        let integral = max(polygon.diffuse.z * seen.side, 0.0);
+        let color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
+        return seen.radiance * color * diffuse_albedo * integral;
+    }
+    var polygon = ltc_polygon_new();
+    for (var i = 0u; i < light.vertex_count; i++) {
+        let b = (seen.center + vertices[light.vertex_offset + i].xyz) * frame;
+        ltc_polygon_add_edge(&polygon, layer.m_inv, a, b);
+        a = b;
+    }
+    ltc_polygon_close(&polygon, layer.m_inv);
+    let diffuse = max(polygon.diffuse.z * seen.side, 0.0);
+    let specular = max(polygon.specular.z * seen.side, 0.0);
+    let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
+    let specular_color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular);
+    return diffuse_specular_combine(
+        seen.radiance,
+        diffuse_albedo * diffuse_color,
+        diffuse,
+        layer.albedo * specular_color,
+        specular,
+    );
+}

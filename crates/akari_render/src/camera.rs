@@ -1,0 +1,17 @@
+//! The component that turns a camera into one that `bevy_akari` lights.
+
+use bevy::camera::Hdr;
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::prelude::*;
+
+/// Asks for the effects of `bevy_akari` on this camera: each one that the scene calls for, and no other.
+///
+/// Brings what the passes read: Bevy's depth and deferred prepass, an HDR target, and no multisampling (deferred
+/// rendering has none). Materials are drawn deferred only if they ask for it or if
+/// [`DefaultOpaqueRendererMethod`](bevy::pbr::DefaultOpaqueRendererMethod) says so; `AkariPlugins` sets that.
+///
+/// The settings of an effect come from its settings component on the camera, else from the resource of the same type.
+#[derive(Component, Debug, Default, Clone, Copy, Reflect)]
+#[reflect(Component, Default, Debug, Clone)]
+#[require(Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
+pub struct AkariCamera;

@@ -1,0 +1,129 @@
+//! The settings of all effects as one value: what a settings file holds and `--set` changes.
+
+use akari_area_light::settings::{AreaLighting, DefaultAreaLighting};
+use akari_render::quality::{Knob, KnobError, Knobs, Quality};
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// The settings of all effects.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AkariSettings {
+    /// Area lights.
+    pub area_lights: AreaLighting,
+}
+
+impl Default for AkariSettings {
+    fn default() -> Self {
+        Self::preset(Quality::default())
+    }
+}
+
+/// Why a setting could not be changed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SettingError {
+    /// No effect of that name; the known ones are listed.
+    #[error("there is no effect '{0}'; known are: {known}", known = EFFECT_NAMES.join(", "))]
+    UnknownEffect(String),
+    /// The effect is there, but not the knob, or its value is not valid.
+    #[error("{effect}: {error}")]
+    Knob {
+        /// Name of the effect.
+        effect: &'static str,
+        /// What is wrong.
+        error: KnobError,
+    },
+}
+
+/// Names of the effects as `--set effect.knob=value` knows them.
+pub const EFFECT_NAMES: [&str; 1] = ["area_lights"];
+
+impl AkariSettings {
+    /// The settings of a preset for every effect.
+    pub fn preset(quality: Quality) -> Self {
+        Self {
+            area_lights: AreaLighting::preset(quality),
+        }
+    }
+
+    /// Sets one knob of one effect.
+    ///
+    /// # Errors
+    /// If there is no such effect or knob, or the value is not valid; the message lists what is.
+    pub fn set(&mut self, effect: &str, knob: &str, value: f32) -> Result<(), SettingError> {
+        // Both spellings: fields are written with underscores, effects on the command line with hyphens.
+        match effect.replace('-', "_").as_str() {
+            "area_lights" => self.area_lights.set_knob(knob, value).map_err(|error| SettingError::Knob {
+                effect: EFFECT_NAMES[0],
+                error,
+            }),
+            _ => Err(SettingError::UnknownEffect(effect.to_owned())),
+        }
+    }
+
+    /// Every knob of every effect with its current value.
+    pub fn knobs(&self) -> Vec<(&'static str, Knob, f32)> {
+        AreaLighting::KNOBS
+            .iter()
+            .filter_map(|knob| Some((EFFECT_NAMES[0], *knob, self.area_lights.value(knob.name)?)))
+            .collect()
+    }
+
+    /// Makes them the settings of every camera that has none of its own.
+    pub fn apply(&self, world: &mut World) {
+        world.insert_resource(DefaultAreaLighting(self.area_lights));
+    }
+
+    /// As a RON document.
+    ///
+    /// # Errors
+    /// Never for valid settings; the error is that of the writer.
+    pub fn to_ron(&self) -> Result<String, ron::Error> {
+        ron::ser::to_string_pretty(self, ron::ser::PrettyConfig::default())
+    }
+
+    /// From a RON document; what it leaves out keeps its default. Values are checked against their ranges.
+    ///
+    /// # Errors
+    /// What is wrong, and on which line.
+    pub fn from_ron(text: &str) -> Result<Self, String> {
+        let read: Self = ron::from_str(text).map_err(|error| error.to_string())?;
+        let mut checked = read;
+        for (effect, knob, value) in read.knobs() {
+            checked.set(effect, knob.name, value).map_err(|error| error.to_string())?;
+        }
+        Ok(checked)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_survive_a_round_trip() {
+        for quality in Quality::ALL {
+            let settings = AkariSettings::preset(quality);
+            let text = settings.to_ron().expect("serialisable");
+            assert_eq!(AkariSettings::from_ron(&text), Ok(settings), "{text}");
+        }
+        assert_eq!(AkariSettings::from_ron("()"), Ok(AkariSettings::default()));
+    }
+
+    #[test]
+    fn wrong_settings_are_refused_by_name() {
+        for (text, named) in [
+            ("(area_lights: (texture_cells: 99))", "texture_cells"),
+            ("(area_lights: (texture_cels: 2))", "texture_cels"),
+            ("(area_ligths: ())", "area_ligths"),
+        ] {
+            let error = AkariSettings::from_ron(text).expect_err(text);
+            assert!(error.contains(named), "{error}");
+        }
+        let mut settings = AkariSettings::default();
+        assert!(settings.set("area-lights", "texture_cells", 2.0).is_ok());
+        assert_eq!(settings.area_lights.texture_cells, 2);
+        let error = settings.set("voxels", "size", 1.0).expect_err("no such effect");
+        assert!(error.to_string().contains("area_lights"), "{error}");
+    }
+}

@@ -11,7 +11,7 @@ use crate::{deps, setup, workspace};
 const REQUIRE_GPU: (&str, &str) = ("AKARI_REQUIRE_GPU", "1");
 
 /// Everything that needs no GPU.
-pub fn check(options: setup::Options) -> Result<()> {
+pub fn check(options: setup::SetupOptions) -> Result<()> {
     let mut steps = Steps::new(7);
     steps.run("looking for a C++ compiler and Vulkan", || {
         setup::prepare(options)
@@ -39,7 +39,7 @@ pub fn check(options: setup::Options) -> Result<()> {
 }
 
 /// Everything, tests included. They come last, so that their closing lines are the last ones.
-pub fn test(options: setup::Options) -> Result<()> {
+pub fn test(options: setup::SetupOptions) -> Result<()> {
     let mut steps = Steps::new(8);
     steps.run("looking for a C++ compiler and Vulkan", || {
         setup::prepare(options)

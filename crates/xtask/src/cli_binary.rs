@@ -40,7 +40,7 @@ impl Akari {
 
     /// Makes sure that a GPU adapter is there; where files of drivers are there and no device is, Mesa's driver is
     /// installed.
-    pub fn require_adapter(&self, options: setup::Options) -> Result<()> {
+    pub fn require_adapter(&self, options: setup::SetupOptions) -> Result<()> {
         if self.finds_adapter()? {
             return Ok(());
         }

@@ -12,9 +12,9 @@ use crate::{setup, workspace};
 
 /// Options of the demo.
 #[derive(Clone, Debug, clap::Args)]
-pub struct Options {
+pub struct DemoOptions {
     #[command(flatten)]
-    setup: setup::Options,
+    setup: setup::SetupOptions,
     /// Size of the pictures
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "960x540")]
     size: String,
@@ -48,7 +48,7 @@ const REFERENCES: [Reference; 2] = [
 ];
 
 /// Runs the demo.
-pub fn run(options: &Options) -> Result<()> {
+pub fn run(options: &DemoOptions) -> Result<()> {
     let mut steps = Steps::new(6);
     steps.run("looking for a C++ compiler and Vulkan", || {
         setup::prepare(options.setup)
@@ -120,7 +120,7 @@ pub fn run(options: &Options) -> Result<()> {
     Ok(())
 }
 
-fn scene_command(akari: &Akari, command: &str, options: &Options, out: &Path) -> Command {
+fn scene_command(akari: &Akari, command: &str, options: &DemoOptions, out: &Path) -> Command {
     let mut line = akari.command();
     line.args([command, SCENE, "--size", &options.size, "--out"])
         .arg(out);

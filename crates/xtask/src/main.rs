@@ -34,15 +34,15 @@ enum Task {
     /// Sets the system up, renders the gallery, and measures it against the reference
     ///
     /// Example: cargo xtask demo --size 640x360
-    Demo(demo::Options),
+    Demo(demo::DemoOptions),
     /// Sets the system up and runs every check and every test
     ///
     /// Example: cargo xtask test
-    Test(setup::Options),
+    Test(setup::SetupOptions),
     /// Formatting, lints, documentation, dependencies, licences, spelling: everything but the tests
     ///
     /// Example: cargo xtask check
-    Check(setup::Options),
+    Check(setup::SetupOptions),
     /// Checks who depends on whom, and that there is one engine with one set of features
     ///
     /// Example: cargo xtask deps
@@ -99,4 +99,32 @@ fn gen_assets(check: bool) -> Result<()> {
         "run `cargo xtask gen-assets` to update {}",
         outdated.join(", ")
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Arguments::command().debug_assert();
+        for line in [
+            &[
+                "x",
+                "demo",
+                "--size",
+                "640x360",
+                "--spp",
+                "4",
+                "--no-install",
+            ][..],
+            &["x", "test", "--no-install"],
+            &["x", "gen-assets", "--check"],
+        ] {
+            assert!(Arguments::try_parse_from(line).is_ok(), "{line:?}");
+        }
+        assert!(Arguments::try_parse_from(["x", "demo", "--spp", "0"]).is_err());
+    }
 }

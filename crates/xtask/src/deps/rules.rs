@@ -52,7 +52,7 @@ pub const RULES: &[Rule] = &[
         may_use: &[],
         tests_may_use: &["akari_gpu_test"],
         engine: Engine::None,
-        only: Some(&["bytemuck", "encase", "glam", "half"]),
+        only: Some(&["bytemuck", "encase", "glam", "half", "thiserror"]),
     },
     Rule {
         package: "akari_gpu_test",

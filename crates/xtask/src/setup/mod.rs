@@ -42,14 +42,14 @@ impl Need {
 
 /// How to make the system ready.
 #[derive(Clone, Copy, Debug, clap::Args)]
-pub struct Options {
+pub struct SetupOptions {
     /// Install nothing: say what is missing and stop
     #[arg(long)]
     no_install: bool,
 }
 
 /// Finds what is missing and installs it, saying so first.
-pub fn prepare(options: Options) -> Result<()> {
+pub fn prepare(options: SetupOptions) -> Result<()> {
     let system = System::detect();
     let missing = missing(&system);
     if missing.is_empty() {
@@ -69,7 +69,7 @@ pub fn prepare(options: Options) -> Result<()> {
 }
 
 /// Installs Mesa's driver although driver files were found: none of them has a device.
-pub fn install_software_driver(options: Options) -> Result<()> {
+pub fn install_software_driver(options: SetupOptions) -> Result<()> {
     install(
         &System::detect(),
         &[Need::VulkanLoader, Need::VulkanDriver],
@@ -103,7 +103,7 @@ fn words(needs: &[Need]) -> String {
         .join(", ")
 }
 
-fn install(system: &System, needs: &[Need], options: Options) -> Result<()> {
+fn install(system: &System, needs: &[Need], options: SetupOptions) -> Result<()> {
     let manual = advice(system, needs);
     if options.no_install || system.family != Family::Debian {
         return Err(Failure::new(manual));

@@ -109,7 +109,7 @@ fn nothing_is_installed_against_the_users_will_or_on_unknown_systems() {
     let refused = install(
         &complete(),
         &[Need::VulkanDriver],
-        Options { no_install: true },
+        SetupOptions { no_install: true },
     );
     assert!(
         refused
@@ -125,7 +125,7 @@ fn nothing_is_installed_against_the_users_will_or_on_unknown_systems() {
         install(
             &fedora,
             &[Need::VulkanDriver],
-            Options { no_install: false }
+            SetupOptions { no_install: false }
         )
         .is_err()
     );

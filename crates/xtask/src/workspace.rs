@@ -18,10 +18,26 @@ pub fn cargo() -> Command {
     program(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// A program to be run from the root.
+/// A program to be run from the root, in the environment of the user.
 pub fn program(name: impl AsRef<std::ffi::OsStr>) -> Command {
+    // What `cargo run` tells this task about its own package is wrong for everybody else; Bevy, for one, looks for
+    // assets below CARGO_MANIFEST_DIR.
+    const ABOUT_THIS_PACKAGE: [&str; 4] = [
+        "CARGO_MANIFEST_",
+        "CARGO_PKG_",
+        "CARGO_BIN_",
+        "CARGO_CRATE_",
+    ];
     let mut command = Command::new(name);
     command.current_dir(root());
+    for (variable, _) in std::env::vars_os() {
+        if ABOUT_THIS_PACKAGE
+            .iter()
+            .any(|start| variable.to_string_lossy().starts_with(start))
+        {
+            command.env_remove(variable);
+        }
+    }
     command
 }
 
@@ -106,4 +122,36 @@ pub fn quiet_output(command: &mut Command) -> Option<String> {
         .status
         .success()
         .then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn programs_do_not_see_this_package() {
+        // Cargo sets the variable for its tests, too.
+        assert!(std::env::var_os("CARGO_MANIFEST_DIR").is_some());
+        let command = program("env");
+        let removed = command
+            .get_envs()
+            .any(|(name, value)| name == "CARGO_MANIFEST_DIR" && value.is_none());
+        assert!(removed, "{command:?}");
+    }
+
+    #[test]
+    fn failures_carry_the_command() {
+        let missing = run(&mut program("a-program-that-is-not-there")).unwrap_err();
+        assert!(
+            missing.to_string().contains("a-program-that-is-not-there"),
+            "{missing}"
+        );
+        let failing = output(program("rustc").arg("--no-such-option")).unwrap_err();
+        assert!(
+            failing.to_string().contains("rustc --no-such-option"),
+            "{failing}"
+        );
+        assert_eq!(quiet_output(program("rustc").arg("--no-such-option")), None);
+        assert!(succeeds(program("rustc").arg("--version")));
+    }
 }

@@ -57,6 +57,15 @@ pub fn prepare(options: SetupOptions) -> Result<()> {
         return Ok(());
     }
     println!("      missing: {}", words(&missing));
+    if missing.contains(&Need::VulkanDriver)
+        && let Some(name) = DRIVER_VARIABLES
+            .into_iter()
+            .find(|name| std::env::var_os(name).is_some())
+    {
+        return Err(Failure::new(format!(
+            "{name} is set and names no file that exists; please unset or correct it"
+        )));
+    }
     install(&system, &missing, options)?;
     let still = self::missing(&System::detect());
     if still.is_empty() {
@@ -221,11 +230,13 @@ fn advice(system: &System, needs: &[Need]) -> String {
     }
 }
 
+/// Where one of these is set, the loader uses the drivers that it lists, and no others.
+const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
 /// Folders and files in which the Vulkan loader looks for driver manifests, after the loader's documentation
 /// ("Driver Discovery on Linux").
 fn driver_manifests(variable: impl Fn(&str) -> Option<String>) -> Vec<PathBuf> {
-    // Given explicitly, these are the only ones that the loader uses.
-    for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+    for name in DRIVER_VARIABLES {
         if let Some(list) = variable(name).filter(|list| !list.is_empty()) {
             return std::env::split_paths(&list).collect();
         }

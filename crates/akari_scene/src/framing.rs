@@ -94,6 +94,40 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// The camera that a user asked for by name or by index (`None`: the first; a scene without a camera is framed,
+    /// see [`Scene::frame_camera`]).
+    pub fn select_camera(&self, selection: Option<&str>) -> Result<Camera, crate::SceneError> {
+        let Some(wanted) = selection else {
+            return Ok(self
+                .cameras
+                .first()
+                .cloned()
+                .unwrap_or_else(|| self.frame_camera()));
+        };
+        let by_name = self.cameras.iter().find(|c| c.name == wanted);
+        let by_index = || wanted.parse().ok().and_then(|i: usize| self.cameras.get(i));
+        by_name.or_else(by_index).cloned().ok_or_else(|| {
+            let names: Vec<String> = self
+                .cameras
+                .iter()
+                .enumerate()
+                .map(|(i, c)| format!("{i} '{}'", c.name))
+                .collect();
+            crate::SceneError::invalid(
+                &self.source,
+                "cameras",
+                format!("there is no camera '{wanted}'"),
+                if names.is_empty() {
+                    "the scene has none: leave the choice out and it is framed".to_owned()
+                } else {
+                    format!("there are: {}", names.join(", "))
+                },
+            )
+        })
+    }
+}
+
 impl Camera {
     /// A perspective camera at `eye` that looks at `target` (+Y up), with vertical field of view `yfov` (radians).
     pub fn look_at(eye: DVec3, target: DVec3, yfov: f32) -> Self {
@@ -168,6 +202,20 @@ mod tests {
                 .transform_point3(p.as_dvec3());
             assert!(q.z < 0.0 && q.x.abs() <= -q.z * t && q.y.abs() <= -q.z * t, "{q}");
         }
+        assert_eq!(scene.select_camera(None).unwrap().name, "framed");
+        assert!(scene.select_camera(Some("0")).is_err());
+        let with_camera = Scene {
+            cameras: vec![Camera {
+                name: "side".into(),
+                ..camera
+            }],
+            ..scene
+        };
+        for choice in [None, Some("side"), Some("0")] {
+            assert_eq!(with_camera.select_camera(choice).unwrap().name, "side");
+        }
+        let message = with_camera.select_camera(Some("top")).unwrap_err();
+        assert!(message.to_string().contains("0 'side'"), "{message}");
         assert!(Scene::default().bounds().is_none());
         assert!(Scene::default().frame_camera().world_from_local.is_finite());
     }

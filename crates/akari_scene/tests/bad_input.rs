@@ -150,6 +150,13 @@ fn negative_emission() {
 }
 
 #[test]
+fn camera_without_parameters() {
+    let mut glb = Glb::quad();
+    glb.json["cameras"][0]["type"] = json!("orthographic");
+    assert!(load_err(&glb.bytes()).contains("camera"));
+}
+
+#[test]
 fn node_cycle() {
     let mut glb = Glb::quad();
     glb.json["nodes"][0]["children"] = json!([0]);

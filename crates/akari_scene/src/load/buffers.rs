@@ -338,11 +338,17 @@ impl Loader<'_> {
         image: &gltf::Image,
         place: &str,
     ) -> Result<Cow<'_, [u8]>, SceneError> {
-        match image.source() {
-            gltf::image::Source::View { view, .. } => Ok(Cow::Borrowed(self.view(&view, place)?)),
-            gltf::image::Source::Uri { uri, .. } => {
-                read_uri(self.path, uri, place).map(Cow::Owned)
-            }
+        // Not `image.source()`: it panics (gltf 1.4.1) where mimeType or both sources are missing.
+        let json = &self.document.as_json().images[image.index()];
+        if let Some(uri) = &json.uri {
+            return read_uri(self.path, uri, place).map(Cow::Owned);
+        }
+        let view = json
+            .buffer_view
+            .and_then(|index| self.document.views().nth(index.value()));
+        match view {
+            Some(view) => Ok(Cow::Borrowed(self.view(&view, place)?)),
+            None => Err(self.invalid(place, "has neither a uri nor a bufferView", REEXPORT)),
         }
     }
 }

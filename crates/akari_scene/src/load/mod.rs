@@ -131,6 +131,8 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
             "export without it (no mesh or texture compression)",
         ));
     }
+    check_attribute_accessors(path, &root)?;
+    check_cameras(path, &root)?;
     let document = gltf::Document::from_json(root).map_err(|e| match e {
         gltf::Error::Validation(list) => {
             let first = list.first().map_or_else(String::new, |(place, problem)| {
@@ -146,6 +148,52 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
         other => SceneError::invalid(path, "glTF structure", other.to_string(), damaged),
     })?;
     Ok((document, blob))
+}
+
+/// Checks the one index that the `gltf` crate uses before it validates it (1.4.1: a primitive's POSITION accessor,
+/// whose bounds it looks up).
+fn check_attribute_accessors(path: &Path, root: &json::Root) -> Result<(), SceneError> {
+    for (i, mesh) in root.meshes.iter().enumerate() {
+        for (j, primitive) in mesh.primitives.iter().enumerate() {
+            for accessor in primitive.attributes.values() {
+                if accessor.value() >= root.accessors.len() {
+                    return Err(SceneError::invalid(
+                        path,
+                        format!("mesh {} primitive {j}", label(mesh.name.as_deref(), i)),
+                        format!(
+                            "accessor {} does not exist ({} accessors)",
+                            accessor.value(),
+                            root.accessors.len()
+                        ),
+                        "export the file again",
+                    ));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that a camera has the object that its type calls for, which the `gltf` crate (1.4.1) takes for granted.
+fn check_cameras(path: &Path, root: &json::Root) -> Result<(), SceneError> {
+    use json::camera::Type;
+    use json::validation::Checked::Valid;
+    for (i, camera) in root.cameras.iter().enumerate() {
+        let there = match camera.type_ {
+            Valid(Type::Perspective) => camera.perspective.is_some(),
+            Valid(Type::Orthographic) => camera.orthographic.is_some(),
+            _ => true,
+        };
+        if !there {
+            return Err(SceneError::invalid(
+                path,
+                format!("camera {}", label(camera.name.as_deref(), i)),
+                "has no parameters for its type",
+                "export the file again",
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn warn_of_extensions(loader: &mut Loader) {

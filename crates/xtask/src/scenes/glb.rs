@@ -1,8 +1,11 @@
 //! Writer of binary glTF 2.0: the part of the format that the scenes use, with bytes that depend on nothing but the
 //! input (fields in the order of the structures below, shortest decimal form of every number).
 
-use serde::Serialize;
-
+use super::document::{
+    Accessor, Asset, Attributes, Bounds, Buffer, BufferView, Camera, Document, EmissiveStrength,
+    Extensions, Image, MaterialJson, MeshJson, MetallicRoughness, Node, Perspective, Primitive,
+    Sampler, SceneJson, Specular, Texture, TextureInfo,
+};
 use super::mesh::Mesh;
 use super::vec3::{self, Vec3};
 
@@ -119,7 +122,8 @@ impl Scene {
         GeometryId(self.geometries.len() - 1)
     }
 
-    /// Texture from an encoded PNG file, repeated at its borders as glTF does by default.
+    /// Texture from an encoded PNG file, with its border colours going on outside: a light's edge must not take up the
+    /// colour of the opposite one.
     pub fn texture(&mut self, name: &str, png: &[u8]) -> TextureId {
         let buffer_view = self.view(png, None);
         self.document.images.push(Image {
@@ -127,9 +131,16 @@ impl Scene {
             mime_type: "image/png",
             buffer_view,
         });
-        self.document.textures.push(Texture {
-            source: self.document.images.len() - 1,
-        });
+        if self.document.samplers.is_empty() {
+            self.document.samplers.push(Sampler {
+                mag_filter: FILTER_LINEAR,
+                min_filter: FILTER_LINEAR,
+                wrap_s: WRAP_CLAMP_TO_EDGE,
+                wrap_t: WRAP_CLAMP_TO_EDGE,
+            });
+        }
+        let source = self.document.images.len() - 1;
+        self.document.textures.push(Texture { sampler: 0, source });
         TextureId(self.document.textures.len() - 1)
     }
 
@@ -375,6 +386,8 @@ struct Geometry {
     indices: usize,
 }
 
+const FILTER_LINEAR: u32 = 9729; // LINEAR
+const WRAP_CLAMP_TO_EDGE: u32 = 33071; // CLAMP_TO_EDGE
 const COMPONENT_U16: u32 = 5123; // UNSIGNED_SHORT
 const COMPONENT_F32: u32 = 5126; // FLOAT
 
@@ -382,207 +395,4 @@ const COMPONENT_F32: u32 = 5126; // FLOAT
 enum BufferTarget {
     Vertices = 34962, // ARRAY_BUFFER
     Indices = 34963,  // ELEMENT_ARRAY_BUFFER
-}
-
-#[derive(Default, Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Document {
-    asset: Asset,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    extensions_used: Vec<&'static str>,
-    scene: usize,
-    scenes: Vec<SceneJson>,
-    nodes: Vec<Node>,
-    cameras: Vec<Camera>,
-    meshes: Vec<MeshJson>,
-    materials: Vec<MaterialJson>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    textures: Vec<Texture>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    images: Vec<Image>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<BufferView>,
-    buffers: Vec<Buffer>,
-}
-
-#[derive(Default, Serialize)]
-struct Asset {
-    version: &'static str,
-    generator: &'static str,
-    copyright: &'static str,
-}
-
-#[derive(Serialize)]
-struct SceneJson {
-    name: String,
-    nodes: Vec<usize>,
-}
-
-#[derive(Serialize)]
-struct Node {
-    name: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    mesh: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    camera: Option<usize>,
-    #[serde(skip_serializing_if = "is_zero")]
-    translation: [f32; 3],
-    #[serde(skip_serializing_if = "is_identity")]
-    rotation: [f32; 4],
-    #[serde(skip_serializing_if = "is_one")]
-    scale: [f32; 3],
-}
-
-fn is_zero(translation: &[f32; 3]) -> bool {
-    *translation == [0.0; 3]
-}
-
-fn is_identity(rotation: &[f32; 4]) -> bool {
-    *rotation == [0.0, 0.0, 0.0, 1.0]
-}
-
-fn is_one(scale: &[f32; 3]) -> bool {
-    *scale == [1.0; 3]
-}
-
-#[derive(Serialize)]
-struct Camera {
-    name: String,
-    #[serde(rename = "type")]
-    kind: &'static str,
-    perspective: Perspective,
-}
-
-#[derive(Serialize)]
-struct Perspective {
-    yfov: f32,
-    znear: f32,
-}
-
-#[derive(Serialize)]
-struct MeshJson {
-    name: String,
-    primitives: [Primitive; 1],
-}
-
-#[derive(Serialize)]
-struct Primitive {
-    attributes: Attributes,
-    indices: usize,
-    material: usize,
-}
-
-#[derive(Serialize)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: usize,
-    #[serde(rename = "NORMAL")]
-    normal: usize,
-    #[serde(rename = "TEXCOORD_0", skip_serializing_if = "Option::is_none")]
-    texcoord: Option<usize>,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct MaterialJson {
-    name: String,
-    pbr_metallic_roughness: MetallicRoughness,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    emissive_factor: Option<[f32; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    emissive_texture: Option<TextureInfo>,
-    #[serde(skip_serializing_if = "Extensions::is_empty")]
-    extensions: Extensions,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct MetallicRoughness {
-    base_color_factor: [f32; 4],
-    metallic_factor: f32,
-    roughness_factor: f32,
-}
-
-#[derive(Serialize)]
-struct TextureInfo {
-    index: usize,
-}
-
-#[derive(Serialize)]
-struct Extensions {
-    #[serde(
-        rename = "KHR_materials_emissive_strength",
-        skip_serializing_if = "Option::is_none"
-    )]
-    emissive_strength: Option<EmissiveStrength>,
-    #[serde(
-        rename = "KHR_materials_specular",
-        skip_serializing_if = "Option::is_none"
-    )]
-    specular: Option<Specular>,
-}
-
-impl Extensions {
-    fn is_empty(&self) -> bool {
-        self.emissive_strength.is_none() && self.specular.is_none()
-    }
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct EmissiveStrength {
-    emissive_strength: f32,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Specular {
-    specular_factor: f32,
-}
-
-#[derive(Serialize)]
-struct Texture {
-    source: usize,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Image {
-    name: String,
-    mime_type: &'static str,
-    buffer_view: usize,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: usize,
-    component_type: u32,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: &'static str,
-    #[serde(flatten, skip_serializing_if = "Option::is_none")]
-    bounds: Option<Bounds>,
-}
-
-#[derive(Serialize)]
-struct Bounds {
-    min: Vec<f32>,
-    max: Vec<f32>,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct BufferView {
-    buffer: usize,
-    byte_offset: usize,
-    byte_length: usize,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    target: Option<u32>,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct Buffer {
-    byte_length: usize,
 }

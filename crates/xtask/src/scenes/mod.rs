@@ -1,6 +1,7 @@
 //! The procedural scenes of `assets/scenes`, and the task that writes them.
 
 mod cornell;
+mod document;
 mod gallery;
 mod glb;
 mod mesh;

@@ -60,7 +60,7 @@ pub fn prepare(options: SetupOptions) -> Result<()> {
     if missing.contains(&Need::VulkanDriver)
         && let Some(name) = DRIVER_VARIABLES
             .into_iter()
-            .find(|name| std::env::var_os(name).is_some())
+            .find(|name| std::env::var_os(name).is_some_and(|list| !list.is_empty()))
     {
         return Err(Failure::new(format!(
             "{name} is set and names no file that exists; please unset or correct it"

@@ -2,7 +2,7 @@
 //! input (fields in the order of the structures below, shortest decimal form of every number).
 
 use super::document::{
-    Accessor, Asset, Attributes, Bounds, Buffer, BufferView, Camera, Document, EmissiveStrength,
+    Accessor, Attributes, Bounds, Buffer, BufferView, Camera, Document, EmissiveStrength,
     Extensions, Image, MaterialJson, MeshJson, MetallicRoughness, Node, Perspective, Primitive,
     Sampler, SceneJson, Specular, Texture, TextureInfo,
 };

@@ -36,7 +36,7 @@ impl Reflection {
         }
     }
 
-    /// f(v, l) cosθ_l with F = 1, in 1/sr: D(h) G₂(v, l) / (4 cosθ_v). Zero for `l` on or below the horizon.
+    /// f(v, l) cos θₗ with F = 1, in 1/sr: D(h) G₂(v, l) / (4 cos θᵥ). Zero for `l` on or below the horizon.
     pub fn cosine_weighted(&self, l: [f64; 3]) -> f64 {
         if l[2] <= 0.0 {
             return 0.0;
@@ -64,7 +64,7 @@ impl Reflection {
         hemisphere(self.alpha, self.n_dot_v, fineness)
     }
 
-    /// (A₀, A₁): ∫ f cosθ dl with F = 1 and with F = (1 − v·h)⁵, over the upper hemisphere. Error below 1e-5.
+    /// (A₀, A₁): ∫ f cos θ dl with F = 1 and with F = (1 − v·h)⁵, over the upper hemisphere. Error below 1e-5.
     ///
     /// Albedo for reflectances f0 and f90 is f0 (A₀ − A₁) + f90 A₁.
     pub fn albedo(&self) -> (f64, f64) {
@@ -77,7 +77,7 @@ impl Reflection {
         (a0, a1)
     }
 
-    /// (1/π) ∫ (1 − v·h)⁵ cosθ_l dl over the upper hemisphere: what a Lambert lobe weighted by Schlick's term
+    /// (1/π) ∫ (1 − v·h)⁵ cos θₗ dl over the upper hemisphere: what a Lambert lobe weighted by Schlick's term
     /// reflects. Independent of α.
     pub fn diffuse_fresnel(n_dot_v: f64) -> f64 {
         // The integrand is smooth: the panels of a wide lobe suit it.
@@ -129,7 +129,10 @@ mod tests {
         for alpha in [1e-3, 0.01, 0.1, 0.5, 1.0] {
             for n_dot_v in [4e-3, 0.03, 0.3, 0.8, 1.0] {
                 let (a0, a1) = Reflection::new(alpha, n_dot_v).albedo();
-                assert!(a1 >= 0.0 && a1 < a0 && a0 < 1.0 + 1e-6, "{alpha} {n_dot_v}: {a0} {a1}");
+                assert!(
+                    a1 >= 0.0 && a1 < a0 && a0 < 1.0 + 1e-6,
+                    "{alpha} {n_dot_v}: {a0} {a1}"
+                );
             }
         }
     }
@@ -137,12 +140,21 @@ mod tests {
     #[test]
     fn reflection_is_reciprocal() {
         let (alpha, theta_v, theta_l) = (0.3, 0.4_f64, 1.2_f64);
-        let forward =
-            Reflection::new(alpha, theta_v.cos()).cosine_weighted([-theta_l.sin(), 0.0, theta_l.cos()]) / theta_l.cos();
-        let backward =
-            Reflection::new(alpha, theta_l.cos()).cosine_weighted([-theta_v.sin(), 0.0, theta_v.cos()]) / theta_v.cos();
+        let forward = Reflection::new(alpha, theta_v.cos()).cosine_weighted([
+            -theta_l.sin(),
+            0.0,
+            theta_l.cos(),
+        ]) / theta_l.cos();
+        let backward = Reflection::new(alpha, theta_l.cos()).cosine_weighted([
+            -theta_v.sin(),
+            0.0,
+            theta_v.cos(),
+        ]) / theta_v.cos();
         assert!((forward - backward).abs() < 1e-14 * forward);
-        assert_eq!(Reflection::new(alpha, 0.5).cosine_weighted([1.0, 0.0, 0.0]), 0.0);
+        assert_eq!(
+            Reflection::new(alpha, 0.5).cosine_weighted([1.0, 0.0, 0.0]),
+            0.0
+        );
     }
 
     #[test]
@@ -152,15 +164,24 @@ mod tests {
                 let reflection = Reflection::new(alpha, n_dot_v);
                 let sum = |fineness| -> f64 {
                     let nodes = reflection.nodes(fineness);
-                    nodes.iter().map(|n| n.weight * reflection.cosine_weighted(n.direction)).sum()
+                    nodes
+                        .iter()
+                        .map(|n| n.weight * reflection.cosine_weighted(n.direction))
+                        .sum()
                 };
                 let (fit, report) = (sum(Fineness::FIT), sum(Fineness::REPORT));
                 let finest = sum(Fineness {
                     order: 16,
                     growth: 0.5,
                 });
-                assert!((fit - finest).abs() < 1e-2, "{alpha} {n_dot_v}: {fit} {finest}");
-                assert!((report - finest).abs() < 1e-5, "{alpha} {n_dot_v}: {report} {finest}");
+                assert!(
+                    (fit - finest).abs() < 1e-2,
+                    "{alpha} {n_dot_v}: {fit} {finest}"
+                );
+                assert!(
+                    (report - finest).abs() < 1e-5,
+                    "{alpha} {n_dot_v}: {report} {finest}"
+                );
             }
         }
     }

@@ -22,6 +22,9 @@ const START_SKEWS: [f64; 2] = [0.0, 0.5];
 /// Where the views between the last two rows are sampled, as fractions of the way.
 const LAST_ROW_FRACTIONS: [f64; 3] = [0.25, 0.5, 0.75];
 
+/// A lobe of the last row that lies deeper below the surface would be the odd one among its neighbours.
+const LAST_ROW_MIN_NORM: f64 = 0.9;
+
 /// Perceptual roughness and n·v at table coordinates, in cells, of a table of `resolution`².
 pub fn coordinates(resolution: usize, x: f64, y: f64) -> (f64, f64) {
     let last = (resolution - 1) as f64;
@@ -50,11 +53,20 @@ impl<F: Fn(&Shape) -> f64> CostFunction for Cost<'_, F> {
 }
 
 /// Nelder-Mead from one start over `freedoms` parameters; the simplex is a fraction of the lobe's own size.
-fn descend(cost: &impl Fn(&Shape) -> f64, start: Shape, freedoms: usize, steps: u64) -> (f64, Shape) {
+fn descend(
+    cost: &impl Fn(&Shape) -> f64,
+    start: Shape,
+    freedoms: usize,
+    steps: u64,
+) -> (f64, Shape) {
     const EDGE: f64 = 0.2;
     const TOLERANCE: f64 = 1e-6;
     let simplex = (0..=freedoms)
-        .map(|corner| (1..=freedoms).map(|i| if i == corner { EDGE } else { 0.0 }).collect())
+        .map(|corner| {
+            (1..=freedoms)
+                .map(|i| if i == corner { EDGE } else { 0.0 })
+                .collect()
+        })
         .collect();
     let unmoved = || (cost(&start), start);
     let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(TOLERANCE) else {
@@ -104,9 +116,18 @@ fn guesses(reflection: &Reflection) -> impl Iterator<Item = Shape> + use<> {
     skews.iter().map(move |&skew| Shape { skew, ..guess })
 }
 
-fn fit_cell(reflection: &Reflection, starts: impl IntoIterator<Item = Shape>, steps: u64) -> (f64, Shape) {
+fn fit_cell(
+    reflection: &Reflection,
+    starts: impl IntoIterator<Item = Shape>,
+    steps: u64,
+) -> (f64, Shape) {
     let objective = Objective::new(reflection);
-    descend_best(&|s: &Shape| objective.cost(s), starts, freedoms(reflection), steps)
+    descend_best(
+        &|s: &Shape| objective.cost(s),
+        starts,
+        freedoms(reflection),
+        steps,
+    )
 }
 
 /// A row, from rough to smooth.
@@ -135,8 +156,12 @@ fn between(a: &Lobe, b: &Lobe, t: f64) -> Lobe {
 /// and the row above, through the sampler's interpolation.
 fn fit_last_row_cell(resolution: usize, x: usize, above: &Shape, own: &Shape) -> Shape {
     let last = (resolution - 1) as f64;
-    let objectives =
-        LAST_ROW_FRACTIONS.map(|t| (t, Objective::new(&reflection_at(resolution, x as f64, last - 1.0 + t))));
+    let objectives = LAST_ROW_FRACTIONS.map(|t| {
+        (
+            t,
+            Objective::new(&reflection_at(resolution, x as f64, last - 1.0 + t)),
+        )
+    });
     let above_lobe = above.lobe();
     let cost = |shape: &Shape| {
         let lobe = shape.lobe();
@@ -146,7 +171,7 @@ fn fit_last_row_cell(resolution: usize, x: usize, above: &Shape, own: &Shape) ->
             .sum();
         // The cell itself has to be a lobe too, also on hardware that flushes subnormal halves.
         let stored = Lobe::from_array(lobe.to_array().map(flushed_half));
-        let refused = if stored.determinant() > 0.0 && stored.norm() > 0.5 {
+        let refused = if stored.determinant() > 0.0 && stored.norm() > LAST_ROW_MIN_NORM {
             0.0
         } else {
             1.0
@@ -181,7 +206,10 @@ pub fn fit_cells(resolution: usize, cells: &[(usize, usize)]) -> Vec<Entry> {
                 return entry(&reflection_at(resolution, x as f64, y as f64), shape.lobe());
             }
             let above = fit(x, y - 1);
-            let above_entry = entry(&reflection_at(resolution, x as f64, y as f64 - 1.0), above.lobe());
+            let above_entry = entry(
+                &reflection_at(resolution, x as f64, y as f64 - 1.0),
+                above.lobe(),
+            );
             let lobe = fit_last_row_cell(resolution, x, &above, &shape).lobe();
             last_row_entry(resolution, x, lobe, &above_entry)
         })
@@ -221,7 +249,11 @@ pub fn fit_table(resolution: usize, progress: impl Fn(usize, usize) + Sync) -> T
                     fit_cell(&here, starts, REFINEMENT_STEPS)
                 };
                 done();
-                if found.0 < cells[i].0 { found } else { cells[i] }
+                if found.0 < cells[i].0 {
+                    found
+                } else {
+                    cells[i]
+                }
             })
             .collect();
     }
@@ -257,10 +289,12 @@ pub fn fit_table(resolution: usize, progress: impl Fn(usize, usize) + Sync) -> T
 
 /// The cells that share an edge with (x, y).
 fn neighbours(resolution: usize, x: usize, y: usize) -> impl Iterator<Item = (usize, usize)> {
-    [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(move |(dx, dy)| {
-        let (nx, ny) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
-        (nx < resolution && ny < resolution).then_some((nx, ny))
-    })
+    [(-1, 0), (1, 0), (0, -1), (0, 1)]
+        .into_iter()
+        .filter_map(move |(dx, dy)| {
+            let (nx, ny) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+            (nx < resolution && ny < resolution).then_some((nx, ny))
+        })
 }
 
 /// What the table stores for a fitted lobe.
@@ -306,7 +340,7 @@ mod tests {
                 .num_threads(threads)
                 .build()
                 .expect("a thread pool")
-                .install(|| fit_table(4, |_, _| {}).to_bytes())
+                .install(|| fit_table(3, |_, _| {}).to_bytes())
         };
         assert_eq!(fit(1), fit(3));
     }

@@ -6,7 +6,7 @@
 //! Neubelt 2016, *Real-Time Polygonal-Light Shading with Linearly Transformed Cosines*).
 //!
 //! - [`fit_table`] fits, [`generate`] writes the file that `akari_math::ltc::table` includes.
-//! - [`quality`] measures a table: total variation, albedo, integrals over polygons.
+//! - [`quality()`] measures a table (total variation, albedo, integrals over polygons), [`report()`] prints the figures.
 
 pub mod brdf;
 mod fit;
@@ -81,8 +81,16 @@ mod tests {
         let entry = Entry::from_array([1.0, 0.0, 0.0, 1.0, 0.5, 0.25, 0.1, 1.0]);
         let table = Table::from_entries(2, &[entry; 4]);
         write_table(&table, &path).expect("the folder can be written");
-        assert_eq!(std::fs::read(&path).expect("the file is there"), table.to_bytes());
-        assert_eq!(std::fs::read_dir(&folder).expect("the folder is there").count(), 1);
+        assert_eq!(
+            std::fs::read(&path).expect("the file is there"),
+            table.to_bytes()
+        );
+        assert_eq!(
+            std::fs::read_dir(&folder)
+                .expect("the folder is there")
+                .count(),
+            1
+        );
         // A folder that is not there: an error, not a panic.
         assert!(write_table(&table, &folder.join("no").join("table.bin")).is_err());
         std::fs::remove_dir_all(&folder).expect("the folder can be removed");

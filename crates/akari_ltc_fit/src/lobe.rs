@@ -106,7 +106,11 @@ mod tests {
                 .iter()
                 .map(|n| n.weight * lobe.density(n.direction))
                 .sum();
-            assert!((integral - lobe.norm()).abs() < 1e-3, "{entries:?}: {integral} against {}", lobe.norm());
+            assert!(
+                (integral - lobe.norm()).abs() < 1e-3,
+                "{entries:?}: {integral} against {}",
+                lobe.norm()
+            );
         }
     }
 }

@@ -30,7 +30,7 @@ impl Shape {
     };
 
     /// First-order widths of the lobe: a microfacet's tilt doubles in the plane of incidence and is scaled by
-    /// 2 cosθ_v across it. At grazing, where cosθ_v is below α, the lobe's own elevation takes its place.
+    /// 2 cos θᵥ across it. At grazing, where cos θᵥ is below α, the lobe's own elevation takes its place.
     pub fn guess(reflection: &Reflection) -> Self {
         let across = reflection.n_dot_v.max(0.5 * reflection.alpha);
         let z = across.min(1.0);
@@ -40,11 +40,6 @@ impl Shape {
             ln_b: (2.0 * reflection.alpha * across).min(1.0).ln(),
             skew: 0.0,
         }
-    }
-
-    /// The same with another skew.
-    pub fn skewed(self, skew: f64) -> Self {
-        Self { skew, ..self }
     }
 
     /// A neighbour's solution scaled to this cell: what differs between the guesses is added.
@@ -182,7 +177,11 @@ impl Objective {
             residuals.push(residual as f32);
         }
         let mut square = 0.0;
-        for (light, &weight) in self.lights.chunks_exact(self.nodes.len()).zip(&self.light_weights) {
+        for (light, &weight) in self
+            .lights
+            .chunks_exact(self.nodes.len())
+            .zip(&self.light_weights)
+        {
             let error = f64::from(dot(light, &residuals));
             square += weight * error * error;
         }
@@ -219,7 +218,12 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     const LANES: usize = 8;
     let mut sums = [0.0_f32; LANES];
     let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let tail: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(x, y)| x * y).sum();
+    let tail: f32 = a_chunks
+        .remainder()
+        .iter()
+        .zip(b_chunks.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
     for (x, y) in a_chunks.zip(b_chunks) {
         for lane in 0..LANES {
             sums[lane] += x[lane] * y[lane];

@@ -84,9 +84,11 @@ impl Rectangle {
             .map(|(a, b)| sum(self.centre, sum(scaled(u, a), scaled(v, b))))
     }
 
-    /// ∫ f cosθ dω over the rectangle, by quadrature over its area with `panels`² panels of 8² Gauss nodes.
+    /// ∫ f cos θ dω over the rectangle, by quadrature over its area with `panels`² panels of 8² Gauss nodes.
     pub fn reflected(&self, reflection: &Reflection, panels: usize) -> f64 {
-        let breaks: Vec<f64> = (0..=panels).map(|i| 2.0 * i as f64 / panels as f64 - 1.0).collect();
+        let breaks: Vec<f64> = (0..=panels)
+            .map(|i| 2.0 * i as f64 / panels as f64 - 1.0)
+            .collect();
         let nodes = composite(&breaks, &gauss_legendre(8));
         let [u, v] = self.half_edges;
         // Its length is the area per unit of parameter area.
@@ -100,8 +102,8 @@ impl Rectangle {
                 }
                 let distance2 = dot(p, p);
                 let l = scaled(p, 1.0 / distance2.sqrt());
-                total +=
-                    weight_a * weight_b * dot(area_normal, l).abs() / distance2 * reflection.cosine_weighted(l);
+                total += weight_a * weight_b * dot(area_normal, l).abs() / distance2
+                    * reflection.cosine_weighted(l);
             }
         }
         total
@@ -130,10 +132,20 @@ mod tests {
     #[test]
     fn lobe_integral_over_almost_everything_is_the_norm() {
         let lobe = Lobe::from_array([0.5, 0.4, -0.3, 0.6]);
-        let wide = [[-1e9, -1e9, 1.0], [1e9, -1e9, 1.0], [1e9, 1e9, 1.0], [-1e9, 1e9, 1.0]];
+        let wide = [
+            [-1e9, -1e9, 1.0],
+            [1e9, -1e9, 1.0],
+            [1e9, 1e9, 1.0],
+            [-1e9, 1e9, 1.0],
+        ];
         assert!((lobe_integral(&lobe, &wide) - lobe.norm()).abs() < 1e-8);
         // Without the first clip, light from below the surface would be counted.
-        let unclipped = [[-1e9, -1e9, -5e8], [1e9, -1e9, -5e8], [1e9, 1e9, 1.0], [-1e9, 1e9, 1.0]];
+        let unclipped = [
+            [-1e9, -1e9, -5e8],
+            [1e9, -1e9, -5e8],
+            [1e9, 1e9, 1.0],
+            [-1e9, 1e9, 1.0],
+        ];
         let leaking: Vec<V3> = unclipped.iter().map(|&v| lobe.transform(v)).collect();
         let leak = form_factor(&clip_to_horizon(&leaking)) - lobe_integral(&lobe, &unclipped);
         assert!(leak > 1e-3, "{leak}");
@@ -146,12 +158,21 @@ mod tests {
             half_edges: [[1.0, 0.0, 0.3], [0.0, 0.8, 0.0]],
         };
         let rough = Reflection::new(1.0, 1.0);
-        let (coarse, fine) = (rectangle.reflected(&rough, 4), rectangle.reflected(&rough, 12));
+        let (coarse, fine) = (
+            rectangle.reflected(&rough, 4),
+            rectangle.reflected(&rough, 12),
+        );
         assert!((coarse - fine).abs() < 1e-9 * fine, "{coarse} {fine}");
         // A narrow lobe at the rectangle needs panels of its size.
         let narrow = Reflection::new(0.02, (0.25_f64).atan().cos());
-        let (one, many) = (rectangle.reflected(&narrow, 1), rectangle.reflected(&narrow, 48));
-        assert!((one - many).abs() > 1e-2 && (many - 1.0).abs() < 0.05, "{one} {many}");
+        let (one, many) = (
+            rectangle.reflected(&narrow, 1),
+            rectangle.reflected(&narrow, 48),
+        );
+        assert!(
+            (one - many).abs() > 1e-2 && (many - 1.0).abs() < 0.05,
+            "{one} {many}"
+        );
     }
 
     #[test]

@@ -63,7 +63,8 @@ pub fn composite(breaks: &[f64], rule: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .windows(2)
         .flat_map(|panel| {
             let (centre, half) = (0.5 * (panel[0] + panel[1]), 0.5 * (panel[1] - panel[0]));
-            rule.iter().map(move |&(x, w)| (centre + half * x, half * w))
+            rule.iter()
+                .map(move |&(x, w)| (centre + half * x, half * w))
         })
         .collect()
 }
@@ -146,7 +147,10 @@ mod tests {
                 } else {
                     0.0
                 };
-                assert!((integral - exact).abs() < 1e-13, "n {n}, power {power}: {integral}");
+                assert!(
+                    (integral - exact).abs() < 1e-13,
+                    "n {n}, power {power}: {integral}"
+                );
             }
             // One degree more is not exact: the check can fail.
             if n <= 8 {

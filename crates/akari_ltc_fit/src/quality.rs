@@ -21,7 +21,13 @@ const STRIDE: usize = 3;
 /// Perceptual roughnesses of the bins of integrals.
 pub const BIN_ROUGHNESSES: [f64; 8] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0];
 /// View angles of the bins, degrees.
-pub const BIN_DEGREES: [(f64, f64); 5] = [(0.0, 45.0), (45.0, 70.0), (70.0, 80.0), (80.0, 88.0), (60.0, 80.0)];
+pub const BIN_DEGREES: [(f64, f64); 5] = [
+    (0.0, 45.0),
+    (45.0, 70.0),
+    (70.0, 80.0),
+    (80.0, 88.0),
+    (60.0, 80.0),
+];
 /// Random rectangles per bin.
 pub const RECTANGLES: usize = 320;
 
@@ -81,7 +87,10 @@ pub struct Quality {
 /// the surface.
 pub fn distance(reflection: &Reflection, lobe: &Lobe) -> (f64, f64) {
     let nodes = reflection.nodes(Fineness::REPORT);
-    let values: Vec<f64> = nodes.iter().map(|n| reflection.cosine_weighted(n.direction)).collect();
+    let values: Vec<f64> = nodes
+        .iter()
+        .map(|n| reflection.cosine_weighted(n.direction))
+        .collect();
     let total: f64 = nodes.iter().zip(&values).map(|(n, f)| n.weight * f).sum();
     let norm = lobe.norm();
     let (mut variation, mut square, mut target) = (0.0, 0.0, 0.0);
@@ -113,7 +122,10 @@ pub fn measure(table: &Table, x: f64, y: f64) -> Point {
 }
 
 fn measure_all(table: &Table, points: &[(f64, f64)]) -> Vec<Point> {
-    points.par_iter().map(|&(x, y)| measure(table, x, y)).collect()
+    points
+        .par_iter()
+        .map(|&(x, y)| measure(table, x, y))
+        .collect()
 }
 
 /// The 48 points at which the published table was measured; for another resolution, the same coordinates.
@@ -121,7 +133,11 @@ pub fn measure_grid(table: &Table) -> Vec<Point> {
     let scale = (table.resolution() - 1) as f64 / (crate::RESOLUTION - 1) as f64;
     let points: Vec<(f64, f64)> = GRID_X
         .iter()
-        .flat_map(|&x| GRID_Y.iter().map(move |&y| (x as f64 * scale, y as f64 * scale)))
+        .flat_map(|&x| {
+            GRID_Y
+                .iter()
+                .map(move |&y| (x as f64 * scale, y as f64 * scale))
+        })
         .collect();
     measure_all(table, &points)
 }
@@ -133,12 +149,17 @@ pub fn measure_cells(table: &Table, offset: f64) -> Vec<Point> {
     let every = |end: usize| (0..end).step_by(STRIDE).chain([end]);
     let points: Vec<(f64, f64)> = every(last - 1)
         .flat_map(|y| every(last).map(move |x| (x, y)))
-        .map(|(x, y)| ((x as f64 + offset).min(last as f64 - offset), y as f64 + offset))
+        .map(|(x, y)| {
+            (
+                (x as f64 + offset).min(last as f64 - offset),
+                y as f64 + offset,
+            )
+        })
         .collect();
     measure_all(table, &points)
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014, *Fast Splittable Pseudorandom Number Generators*).
+/// `SplitMix64` (Steele, Lea, Flood 2014, *Fast Splittable Pseudorandom Number Generators*).
 struct Random(u64);
 
 impl Random {
@@ -191,10 +212,18 @@ fn in_frame(axis: [f64; 3], local: [f64; 3]) -> [f64; 3] {
 /// Integrals over [`RECTANGLES`] random rectangles: the table's closed form against quadrature of the reflection, F = 1.
 ///
 /// The rectangles depend on the bin alone, so two tables see the same ones.
-pub fn integral_bin(table: &Table, roughness: f64, degrees: (f64, f64), clipping: Clipping) -> IntegralBin {
+pub fn integral_bin(
+    table: &Table,
+    roughness: f64,
+    degrees: (f64, f64),
+    clipping: Clipping,
+) -> IntegralBin {
     let seed = [roughness, degrees.0, degrees.1]
         .iter()
-        .fold(0_u64, |seed, v| seed.wrapping_mul(1_000_003).wrapping_add((v * 1000.0) as u64));
+        .fold(0_u64, |seed, v| {
+            seed.wrapping_mul(1_000_003)
+                .wrapping_add((v * 1000.0) as u64)
+        });
     let mut random = Random(seed);
     let cases: Vec<(f64, Rectangle)> = (0..RECTANGLES)
         .map(|_| {
@@ -213,7 +242,9 @@ pub fn integral_bin(table: &Table, roughness: f64, degrees: (f64, f64), clipping
             let integral = match clipping {
                 Clipping::BeforeAndAfter => lobe_integral(&entry.lobe, &rectangle.corners()),
                 Clipping::AfterOnly => {
-                    let mapped = rectangle.corners().map(|corner| entry.lobe.transform(corner));
+                    let mapped = rectangle
+                        .corners()
+                        .map(|corner| entry.lobe.transform(corner));
                     form_factor(&clip_to_horizon(&mapped))
                 }
             };
@@ -233,7 +264,9 @@ pub fn integral_bin(table: &Table, roughness: f64, degrees: (f64, f64), clipping
 pub fn integral_bins(table: &Table, clipping: Clipping) -> Vec<IntegralBin> {
     BIN_ROUGHNESSES
         .iter()
-        .flat_map(|&roughness| BIN_DEGREES.map(|degrees| integral_bin(table, roughness, degrees, clipping)))
+        .flat_map(|&roughness| {
+            BIN_DEGREES.map(|degrees| integral_bin(table, roughness, degrees, clipping))
+        })
         .collect()
 }
 
@@ -276,7 +309,10 @@ mod tests {
                 assert!((from - 1e-12..=to + 1e-12).contains(&length));
             }
             let mirror = [-(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
-            assert!(dot(centre, mirror) >= 52_f64.to_radians().cos() * dot(centre, centre).sqrt() - 1e-12);
+            assert!(
+                dot(centre, mirror)
+                    >= 52_f64.to_radians().cos() * dot(centre, centre).sqrt() - 1e-12
+            );
         }
     }
 

@@ -53,16 +53,27 @@ pub fn report(quality: &Quality) -> String {
 }
 
 fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
-    writeln!(out, "total variation between GGX and the lobe, by alpha and view angle")?;
+    writeln!(
+        out,
+        "total variation between GGX and the lobe, by alpha and view angle"
+    )?;
     for row in quality.grid.chunks(GRID_ANGLES) {
         let Some(first) = row.first() else { continue };
         write!(out, "  alpha {:.4}:", first.roughness * first.roughness)?;
         for p in row {
-            write!(out, "  {:2.0}° {:.3}", p.n_dot_v.acos().to_degrees(), p.total_variation)?;
+            write!(
+                out,
+                "  {:2.0}° {:.3}",
+                p.n_dot_v.acos().to_degrees(),
+                p.total_variation
+            )?;
         }
         writeln!(out)?;
     }
-    writeln!(out, "\nwhere               mean TV  max TV  mean L2  albedo error  Fresnel error")?;
+    writeln!(
+        out,
+        "\nwhere               mean TV  max TV  mean L2  albedo error  Fresnel error"
+    )?;
     let sets = [
         ("grid of 48 cells", &quality.grid),
         ("every third cell", &quality.cells),
@@ -73,7 +84,11 @@ fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
         writeln!(
             out,
             "{name:18}  {:.4}   {:.4}  {:.4}   {:.5}       {:.5}",
-            s.mean_total_variation, s.max_total_variation, s.mean_relative_l2, s.max_albedo_error, s.max_fresnel_error
+            s.mean_total_variation,
+            s.max_total_variation,
+            s.mean_relative_l2,
+            s.max_albedo_error,
+            s.max_fresnel_error
         )?;
     }
     writeln!(
@@ -97,10 +112,28 @@ fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
     writeln!(out)?;
     for row in quality.bins.chunks(BIN_DEGREES.len()) {
         let Some(first) = row.first() else { continue };
-        write_bins(out, first.roughness, "ours", row.iter().map(|b: &IntegralBin| (b.mean, b.rms)))?;
-        for published in PUBLISHED_BINS.iter().filter(|p| p.roughness == first.roughness) {
-            write_bins(out, first.roughness, "published", published.errors.iter().copied())?;
-            write_bins(out, first.roughness, "  + clip", published.clipped_errors.iter().copied())?;
+        write_bins(
+            out,
+            first.roughness,
+            "ours",
+            row.iter().map(|b: &IntegralBin| (b.mean, b.rms)),
+        )?;
+        for published in PUBLISHED_BINS
+            .iter()
+            .filter(|p| p.roughness == first.roughness)
+        {
+            write_bins(
+                out,
+                first.roughness,
+                "published",
+                published.errors.iter().copied(),
+            )?;
+            write_bins(
+                out,
+                first.roughness,
+                "  + clip",
+                published.clipped_errors.iter().copied(),
+            )?;
         }
     }
     Ok(())
@@ -135,42 +168,138 @@ pub struct PublishedBins {
 pub const PUBLISHED_BINS: [PublishedBins; 8] = [
     PublishedBins {
         roughness: 0.1,
-        errors: [(0.001, 0.001), (0.002, 0.002), (0.006, 0.005), (0.025, 0.034), (0.005, 0.004)],
-        clipped_errors: [(0.001, 0.001), (0.002, 0.002), (0.005, 0.005), (0.027, 0.041), (0.004, 0.003)],
+        errors: [
+            (0.001, 0.001),
+            (0.002, 0.002),
+            (0.006, 0.005),
+            (0.025, 0.034),
+            (0.005, 0.004),
+        ],
+        clipped_errors: [
+            (0.001, 0.001),
+            (0.002, 0.002),
+            (0.005, 0.005),
+            (0.027, 0.041),
+            (0.004, 0.003),
+        ],
     },
     PublishedBins {
         roughness: 0.2,
-        errors: [(0.004, 0.003), (0.022, 0.016), (0.072, 0.052), (0.172, 0.141), (0.047, 0.043)],
-        clipped_errors: [(0.004, 0.003), (0.019, 0.014), (0.047, 0.037), (0.146, 0.116), (0.037, 0.036)],
+        errors: [
+            (0.004, 0.003),
+            (0.022, 0.016),
+            (0.072, 0.052),
+            (0.172, 0.141),
+            (0.047, 0.043),
+        ],
+        clipped_errors: [
+            (0.004, 0.003),
+            (0.019, 0.014),
+            (0.047, 0.037),
+            (0.146, 0.116),
+            (0.037, 0.036),
+        ],
     },
     PublishedBins {
         roughness: 0.3,
-        errors: [(0.010, 0.009), (0.052, 0.042), (0.148, 0.115), (0.319, 0.266), (0.125, 0.098)],
-        clipped_errors: [(0.010, 0.009), (0.041, 0.032), (0.091, 0.071), (0.176, 0.153), (0.085, 0.067)],
+        errors: [
+            (0.010, 0.009),
+            (0.052, 0.042),
+            (0.148, 0.115),
+            (0.319, 0.266),
+            (0.125, 0.098),
+        ],
+        clipped_errors: [
+            (0.010, 0.009),
+            (0.041, 0.032),
+            (0.091, 0.071),
+            (0.176, 0.153),
+            (0.085, 0.067),
+        ],
     },
     PublishedBins {
         roughness: 0.4,
-        errors: [(0.012, 0.010), (0.100, 0.089), (0.226, 0.176), (0.403, 0.331), (0.167, 0.151)],
-        clipped_errors: [(0.011, 0.009), (0.069, 0.057), (0.136, 0.104), (0.212, 0.170), (0.111, 0.098)],
+        errors: [
+            (0.012, 0.010),
+            (0.100, 0.089),
+            (0.226, 0.176),
+            (0.403, 0.331),
+            (0.167, 0.151),
+        ],
+        clipped_errors: [
+            (0.011, 0.009),
+            (0.069, 0.057),
+            (0.136, 0.104),
+            (0.212, 0.170),
+            (0.111, 0.098),
+        ],
     },
     PublishedBins {
         roughness: 0.5,
-        errors: [(0.022, 0.023), (0.119, 0.110), (0.261, 0.232), (0.428, 0.363), (0.223, 0.209)],
-        clipped_errors: [(0.020, 0.019), (0.080, 0.070), (0.163, 0.138), (0.241, 0.208), (0.132, 0.120)],
+        errors: [
+            (0.022, 0.023),
+            (0.119, 0.110),
+            (0.261, 0.232),
+            (0.428, 0.363),
+            (0.223, 0.209),
+        ],
+        clipped_errors: [
+            (0.020, 0.019),
+            (0.080, 0.070),
+            (0.163, 0.138),
+            (0.241, 0.208),
+            (0.132, 0.120),
+        ],
     },
     PublishedBins {
         roughness: 0.6,
-        errors: [(0.025, 0.031), (0.106, 0.119), (0.267, 0.212), (0.365, 0.329), (0.211, 0.187)],
-        clipped_errors: [(0.022, 0.024), (0.074, 0.075), (0.164, 0.137), (0.222, 0.202), (0.127, 0.111)],
+        errors: [
+            (0.025, 0.031),
+            (0.106, 0.119),
+            (0.267, 0.212),
+            (0.365, 0.329),
+            (0.211, 0.187),
+        ],
+        clipped_errors: [
+            (0.022, 0.024),
+            (0.074, 0.075),
+            (0.164, 0.137),
+            (0.222, 0.202),
+            (0.127, 0.111),
+        ],
     },
     PublishedBins {
         roughness: 0.8,
-        errors: [(0.023, 0.027), (0.086, 0.076), (0.158, 0.132), (0.220, 0.174), (0.137, 0.110)],
-        clipped_errors: [(0.021, 0.022), (0.069, 0.061), (0.111, 0.097), (0.152, 0.128), (0.098, 0.081)],
+        errors: [
+            (0.023, 0.027),
+            (0.086, 0.076),
+            (0.158, 0.132),
+            (0.220, 0.174),
+            (0.137, 0.110),
+        ],
+        clipped_errors: [
+            (0.021, 0.022),
+            (0.069, 0.061),
+            (0.111, 0.097),
+            (0.152, 0.128),
+            (0.098, 0.081),
+        ],
     },
     PublishedBins {
         roughness: 1.0,
-        errors: [(0.016, 0.014), (0.027, 0.022), (0.053, 0.048), (0.094, 0.079), (0.043, 0.036)],
-        clipped_errors: [(0.016, 0.014), (0.027, 0.022), (0.053, 0.048), (0.094, 0.079), (0.043, 0.036)],
+        errors: [
+            (0.016, 0.014),
+            (0.027, 0.022),
+            (0.053, 0.048),
+            (0.094, 0.079),
+            (0.043, 0.036),
+        ],
+        clipped_errors: [
+            (0.016, 0.014),
+            (0.027, 0.022),
+            (0.053, 0.048),
+            (0.094, 0.079),
+            (0.043, 0.036),
+        ],
     },
 ];

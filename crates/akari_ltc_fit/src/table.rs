@@ -17,7 +17,7 @@ pub struct Entry {
     pub scale: f64,
     /// Layer 1, y: A₁ / N, the factor of f90.
     pub bias: f64,
-    /// Layer 1, z: (1/π) ∫ (1 − v·h)⁵ cosθ_l dl.
+    /// Layer 1, z: (1/π) ∫ (1 − v·h)⁵ cos θₗ dl.
     pub diffuse_fresnel: f64,
     /// Layer 1, w: N = ∫ D over the upper hemisphere.
     pub lobe_norm: f64,
@@ -27,7 +27,16 @@ impl Entry {
     /// The eight components, layer 0 first.
     pub fn to_array(self) -> [f64; CELL] {
         let [a, b, c, d] = self.lobe.to_array();
-        [a, b, c, d, self.scale, self.bias, self.diffuse_fresnel, self.lobe_norm]
+        [
+            a,
+            b,
+            c,
+            d,
+            self.scale,
+            self.bias,
+            self.diffuse_fresnel,
+            self.lobe_norm,
+        ]
     }
 
     /// The entry of eight components, layer 0 first.
@@ -41,7 +50,7 @@ impl Entry {
         }
     }
 
-    /// Directional albedo for F = 1: ∫ f cosθ as the renderer gets it, `(scale + bias) · lobe_norm`.
+    /// Directional albedo for F = 1: ∫ f cos θ as the renderer gets it, `(scale + bias) · lobe_norm`.
     pub fn albedo(&self) -> f64 {
         (self.scale + self.bias) * self.lobe_norm
     }
@@ -81,10 +90,16 @@ impl Table {
     /// # Panics
     /// When `entries` has another length or the resolution is below 2.
     pub fn from_entries(resolution: usize, entries: &[Entry]) -> Self {
-        assert!(resolution >= 2 && entries.len() == resolution * resolution, "a square table");
+        assert!(
+            resolution >= 2 && entries.len() == resolution * resolution,
+            "a square table"
+        );
         Self {
             resolution,
-            cells: entries.iter().map(|e| e.to_array().map(f16::from_f64)).collect(),
+            cells: entries
+                .iter()
+                .map(|e| e.to_array().map(f16::from_f64))
+                .collect(),
         }
     }
 
@@ -101,9 +116,11 @@ impl Table {
     /// Layer after layer, row-major, four f16 a texel, little endian.
     pub fn to_bytes(&self) -> Vec<u8> {
         let layer = |from: usize| {
-            self.cells
-                .iter()
-                .flat_map(move |cell| cell[from..from + TEXEL].iter().flat_map(|c| c.to_le_bytes()))
+            self.cells.iter().flat_map(move |cell| {
+                cell[from..from + TEXEL]
+                    .iter()
+                    .flat_map(|c| c.to_le_bytes())
+            })
         };
         layer(0).chain(layer(TEXEL)).collect()
     }
@@ -133,7 +150,10 @@ impl Table {
     pub fn interpolate(&self, x: f64, y: f64) -> Entry {
         let last = (self.resolution - 1) as f64;
         let (x, y) = (x.clamp(0.0, last), y.clamp(0.0, last));
-        let (x0, y0) = ((x as usize).min(self.resolution - 2), (y as usize).min(self.resolution - 2));
+        let (x0, y0) = (
+            (x as usize).min(self.resolution - 2),
+            (y as usize).min(self.resolution - 2),
+        );
         let (tx, ty) = (x - x0 as f64, y - y0 as f64);
         let at = |dx: usize, dy: usize| self.cell(x0 + dx, y0 + dy).to_array();
         let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
@@ -180,7 +200,10 @@ mod tests {
         assert_eq!(Table::from_bytes(&[]), Err(TableError::Length(0)));
         // Second byte of the third component of cell (1, 0): an f16 infinity.
         (bytes[12], bytes[13]) = (0x00, 0x7c);
-        assert_eq!(Table::from_bytes(&bytes), Err(TableError::NotFinite(1, 0, 2)));
+        assert_eq!(
+            Table::from_bytes(&bytes),
+            Err(TableError::NotFinite(1, 0, 2))
+        );
     }
 
     #[test]

@@ -55,9 +55,9 @@ pub fn texel(layer: usize, x: usize, y: usize) -> Vec4 {
 /// to the edge, as a GPU's linear sampler reads it at uv = (x, y)·63/64 + 1/128. NaN reads as 0.
 pub fn sample(perceptual_roughness: f32, n_dot_v: f32) -> LtcSample {
     let last = (SIZE - 1) as f32;
-    // `max` first: it turns NaN into 0.
-    let x = perceptual_roughness.max(0.0).min(1.0) * last;
-    let y = (1.0 - n_dot_v.max(0.0).min(1.0)).sqrt() * last;
+    let unit = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
+    let x = unit(perceptual_roughness) * last;
+    let y = (1.0 - unit(n_dot_v)).sqrt() * last;
     // The last cell's far edge is reached with a fraction of 1.
     let (x0, y0) = ((x as usize).min(SIZE - 2), (y as usize).min(SIZE - 2));
     let (fx, fy) = (x - x0 as f32, y - y0 as f32);

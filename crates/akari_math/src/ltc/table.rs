@@ -15,6 +15,12 @@
 //! f(v, l) cos θ ≈ (f0 · scale + f90 · bias) · D(l) for z ≥ 0. `lobe norm` N = ∫ D over z ≥ 0, so the directional
 //! albedo is (f0 · scale + f90 · bias) · N. `diffuse Fresnel` = (1/π) ∫ (1 − v·h)⁵ cos θ dl depends on n·v only.
 //!
+//! Domain: α is clamped to at least 1e-3 (roughness 0.032); the last row (n·v = 0) is fitted to the views between it
+//! and the row above. Error against GGX with height-correlated Smith: total variation between the normalised lobes
+//! 0.039 in the mean, 0.243 at most down to n·v = 0.06 and 0.29 at n·v = 0.03; albedo within 5e-4 at the texels and
+//! within 0.01 between them for n·v > 0.03. Between rows the axis of a mirror's lobe is off by up to 5e-4 rad below
+//! 70°, 1.1e-3 rad at 70° to 80° and 5e-3 rad beyond.
+//!
 //! `cargo xtask gen-luts` writes the file; the crate `akari_ltc_fit` fits and measures it.
 
 use glam::Vec4;

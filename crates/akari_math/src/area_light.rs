@@ -12,14 +12,14 @@ const FULL_GRAZING_F_ZERO: f32 = 0.04;
 pub struct SurfaceReflectance {
     /// Albedo of the diffuse part before what the dielectric interface keeps from it ([`diffuse_transmission`]).
     pub diffuse_color: Vec3,
-    /// Fresnel reflectance at grazing incidence.
-    pub f90: f32,
-    /// Fresnel reflectance at normal incidence.
-    pub f0: Vec3,
+    /// Fresnel reflectance at grazing incidence, f90. (WGSL identifiers that are imported must not end in a digit.)
+    pub grazing_reflectance: f32,
+    /// Fresnel reflectance at normal incidence, f0.
+    pub normal_reflectance: Vec3,
     /// Fresnel reflectance at normal incidence of the dielectric alone.
-    pub dielectric_f0: f32,
+    pub dielectric_normal_reflectance: f32,
     /// Fresnel reflectance at grazing incidence of the dielectric alone.
-    pub dielectric_f90: f32,
+    pub dielectric_grazing_reflectance: f32,
 }
 
 /// Window that takes a light smoothly to 0 at its range `r`: `saturate(1 − (d²/r²)²)²`.
@@ -61,10 +61,10 @@ pub fn surface_reflectance(base_color: Vec3, metallic: f32, reflectance: f32) ->
     let dielectric = 1.0 - metallic;
     SurfaceReflectance {
         diffuse_color: base_color * dielectric,
-        f90: dielectric_f90 * dielectric + metallic,
-        f0: Vec3::splat(dielectric_f0 * dielectric) + base_color * metallic,
-        dielectric_f0,
-        dielectric_f90,
+        grazing_reflectance: dielectric_f90 * dielectric + metallic,
+        normal_reflectance: Vec3::splat(dielectric_f0 * dielectric) + base_color * metallic,
+        dielectric_normal_reflectance: dielectric_f0,
+        dielectric_grazing_reflectance: dielectric_f90,
     }
 }
 

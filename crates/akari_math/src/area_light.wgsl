@@ -11,13 +11,13 @@ const FULL_GRAZING_F_ZERO: f32 = 0.04;
 struct SurfaceReflectance {
     // Albedo of the diffuse part before what the dielectric interface keeps from it.
     diffuse_color: vec3<f32>,
-    // Fresnel reflectance at grazing incidence.
-    f90: f32,
-    // Fresnel reflectance at normal incidence.
-    f0: vec3<f32>,
+    // Fresnel reflectance at grazing incidence, f90; an imported name must not end in a digit.
+    grazing_reflectance: f32,
+    // Fresnel reflectance at normal incidence, f0.
+    normal_reflectance: vec3<f32>,
     // The same two of the dielectric alone.
-    dielectric_f0: f32,
-    dielectric_f90: f32,
+    dielectric_normal_reflectance: f32,
+    dielectric_grazing_reflectance: f32,
 }
 
 // Window that takes a light smoothly to 0 at its range: saturate(1 - (d^2 / r^2)^2)^2.

@@ -11,9 +11,13 @@
 
 use crate::octahedral::{octahedral_pack, octahedral_unpack};
 use glam::{UVec2, Vec3};
-use half::f16;
 
 const UNORM_MAX: f32 = 65535.0;
+const MIN_NORMAL_HALF: f32 = 0.000_061_035_156_25;
+const MAX_HALF: f32 = 65504.0;
+const HALF_SUBNORMALS_PER_UNIT: f32 = 16_777_216.0;
+const EXPONENT_OFFSET: u32 = 114_688;
+const ROUND_TO_INTEGER: f32 = 8_388_608.0;
 const MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 1e-6;
 
 /// A lobe as it is stored.
@@ -53,13 +57,36 @@ pub fn unorm_unpack(bits: u32) -> f32 {
     (bits & 0xffff) as f32 / UNORM_MAX
 }
 
+/// A number of `[0, 65504]` as f16 in the low 16 bits, rounded to nearest, ties to even; beyond, the nearest end.
+///
+/// By hand, since the built-in `pack2x16float` leaves its rounding to the device and needs a capability of it. Equal to
+/// `half::f16` (test `halves`).
+#[must_use]
+pub fn half_pack(x: f32) -> u32 {
+    if x < MIN_NORMAL_HALF {
+        // Whole multiples of the smallest subnormal; the sum rounds to them as it loses the digits below 1.
+        return (x.max(0.0) * HALF_SUBNORMALS_PER_UNIT + ROUND_TO_INTEGER).to_bits() & 0x7ff;
+    }
+    let bits = x.min(MAX_HALF).to_bits();
+    let rounded = bits + 0xfff + ((bits >> 13) & 1);
+    (rounded >> 13) - EXPONENT_OFFSET
+}
+
+/// The non-negative f16 in the low 15 bits; the patterns of infinity and NaN come back as numbers from 65536 on.
+#[must_use]
+pub fn half_unpack(bits: u32) -> f32 {
+    let magnitude = bits & 0x7fff;
+    if magnitude < 0x400 {
+        return magnitude as f32 / HALF_SUBNORMALS_PER_UNIT;
+    }
+    f32::from_bits((magnitude + EXPONENT_OFFSET) << 13)
+}
+
 /// A lobe in 64 bits: octahedral axis; width as f16 in the low half of the second word, perceptual roughness as unorm16
 /// in its high half.
-///
-/// WGSL leaves the rounding of `pack2x16float` to the device: the width of the twin differs by at most one f16 step.
 #[must_use]
 pub fn lobe_pack(axis: Vec3, inverse_sharpness: f32, perceptual_roughness: f32) -> UVec2 {
-    let width = u32::from(f16::from_f32(lobe_width(inverse_sharpness)).to_bits());
+    let width = half_pack(lobe_width(inverse_sharpness));
     UVec2::new(octahedral_pack(axis), width | (unorm_pack(perceptual_roughness) << 16))
 }
 
@@ -68,7 +95,7 @@ pub fn lobe_pack(axis: Vec3, inverse_sharpness: f32, perceptual_roughness: f32) 
 pub fn lobe_unpack(bits: UVec2) -> UnpackedLobe {
     UnpackedLobe {
         axis: octahedral_unpack(bits.x),
-        inverse_sharpness: lobe_inverse_sharpness(f16::from_bits((bits.y & 0xffff) as u16).to_f32()),
+        inverse_sharpness: lobe_inverse_sharpness(half_unpack(bits.y)),
         perceptual_roughness: unorm_unpack(bits.y >> 16),
     }
 }

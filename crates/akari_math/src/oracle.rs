@@ -4,6 +4,7 @@
 
 use glam::{DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 /// `(1 − e⁻ˣ) / x`.
 #[must_use]
@@ -98,11 +99,12 @@ pub fn sg_hemisphere_quadrature(sharpness: f64, cosine: f64, clamped_cosine: boo
     let u_of = |z: f64| (sharpness * (z - 1.0)).exp_m1() / (-2.0 * sharpness).exp_m1();
     let mut splits = [0.0, u_of(sine).clamp(0.0, 1.0), u_of(-sine).clamp(0.0, 1.0), 1.0];
     splits.sort_by(f64::total_cmp);
-    let nodes = gauss_legendre(128);
+    static NODES: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
+    let nodes = NODES.get_or_init(|| gauss_legendre(128));
     let mut sum = 0.0;
     for pair in splits.windows(2) {
         let width = pair[1] - pair[0];
-        for &(node, weight) in &nodes {
+        for &(node, weight) in nodes {
             // Takes the square-root ends of the pieces off.
             let t = node * node * (3.0 - 2.0 * node);
             let jacobian = 6.0 * node * (1.0 - node);

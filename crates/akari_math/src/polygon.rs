@@ -58,6 +58,18 @@ pub fn horizon_crossing(a: Vec3, b: Vec3) -> Vec3 {
     Vec3::new(weight_a * a.x + weight_b * b.x, weight_a * a.y + weight_b * b.y, 0.0)
 }
 
+/// Middle of the arc between two unit directions on the horizon that are more than a right angle apart, up to a
+/// positive scale.
+///
+/// The normal of the chord: well conditioned where `a + b` vanishes. Between opposite directions, the half circle that
+/// turns counter-clockwise about z.
+#[must_use]
+pub fn horizon_middle(a: Vec3, b: Vec3) -> Vec3 {
+    let (chord_x, chord_y) = (b.x - a.x, b.y - a.y);
+    let turn = if a.x * b.y - a.y * b.x >= 0.0 { 1.0 } else { -1.0 };
+    Vec3::new(turn * chord_y, -turn * chord_x, 0.0)
+}
+
 /// A clip without vertices.
 #[must_use]
 pub fn horizon_clip_new() -> HorizonClip {

@@ -41,6 +41,13 @@ fn horizon_crossing(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(weight_a * a.xy + weight_b * b.xy, 0.0);
 }
 
+// Middle of the arc between two unit directions on the horizon that are more than a right angle apart.
+fn horizon_middle(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let chord = b.xy - a.xy;
+    let turn = select(-1.0, 1.0, a.x * b.y - a.y * b.x >= 0.0);
+    return vec3<f32>(turn * chord.y, -turn * chord.x, 0.0);
+}
+
 fn horizon_clip_new() -> HorizonClip {
     return HorizonClip(vec3<f32>(0.0), 0u, vec3<f32>(0.0), 0u);
 }

@@ -21,7 +21,7 @@
 use crate::form_factor::{
     FormFactorChain, form_factor_chain_close, form_factor_chain_new, form_factor_chain_push,
 };
-use crate::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push};
+use crate::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle};
 use crate::special::scale_to_unit_box;
 use glam::{Mat3, Vec3};
 
@@ -124,10 +124,25 @@ pub fn ltc_polygon_push(polygon: &mut LtcPolygon, m_inv: Mat3, vertex: Vec3) {
     polygon.clip = step.clip;
     for (visible, has) in [(step.crossing, step.has_crossing), (scaled, step.has_vertex)] {
         if has != 0 {
-            polygon.chain = form_factor_chain_push(polygon.chain, visible);
-            ltc_polygon_push_lobe(polygon, m_inv * visible);
+            ltc_polygon_push_visible(polygon, m_inv, visible);
         }
     }
+}
+
+/// A vertex of the part above the surface.
+///
+/// The plane of a long edge along the horizon is known exactly before `M⁻¹`, but not from its ends once they are
+/// transformed and rounded, where they are nearly opposite (a light that is large against its distance): a third point
+/// keeps it.
+pub fn ltc_polygon_push_visible(polygon: &mut LtcPolygon, m_inv: Mat3, vertex: Vec3) {
+    let previous = polygon.chain.previous;
+    polygon.chain = form_factor_chain_push(polygon.chain, vertex);
+    let latest = polygon.chain.previous;
+    let is_long = previous.z == 0.0 && latest.z == 0.0 && previous.dot(latest) < 0.0;
+    if is_long {
+        ltc_polygon_push_lobe(polygon, m_inv * horizon_middle(previous, latest));
+    }
+    ltc_polygon_push_lobe(polygon, m_inv * latest);
 }
 
 /// Second clip, at the horizon of the cosine space of the lobe.
@@ -150,7 +165,12 @@ pub fn ltc_polygon_close(polygon: &mut LtcPolygon, m_inv: Mat3) {
     if polygon.clip.previous != polygon.clip.first {
         ltc_polygon_push(polygon, m_inv, polygon.clip.first);
     }
-    ltc_polygon_push_lobe(polygon, polygon.lobe_clip.first);
+    if polygon.chain.started != 0 {
+        ltc_polygon_push_visible(polygon, m_inv, polygon.chain.first);
+    }
+    if polygon.lobe_clip.previous != polygon.lobe_clip.first {
+        ltc_polygon_push_lobe(polygon, polygon.lobe_clip.first);
+    }
     polygon.diffuse = form_factor_chain_close(polygon.chain);
     polygon.specular = form_factor_chain_close(polygon.lobe_chain);
 }

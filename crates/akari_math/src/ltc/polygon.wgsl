@@ -4,7 +4,7 @@
 
 #import akari_math::special::scale_to_unit_box
 #import akari_math::form_factor::{FormFactorChain, form_factor_chain_new, form_factor_chain_push, form_factor_chain_close}
-#import akari_math::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push}
+#import akari_math::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle}
 
 // Clamped-cosine integral over a polygon, for Lambert surfaces.
 struct LambertPolygon {
@@ -96,10 +96,25 @@ fn ltc_polygon_push(polygon: ptr<function, LtcPolygon>, m_inv: mat3x3<f32>, vert
     for (var k = 0u; k < 2u; k++) {
         let is_crossing = k == 0u;
         if select(step.has_vertex, step.has_crossing, is_crossing) != 0u {
-            let visible = select(scaled, step.crossing, is_crossing);
-            (*polygon).chain = form_factor_chain_push((*polygon).chain, visible);
-            ltc_polygon_push_lobe(polygon, m_inv * visible);
+            ltc_polygon_push_visible(polygon, m_inv, select(scaled, step.crossing, is_crossing));
         }
+    }
+}
+
+// A vertex of the part above the surface.
+fn ltc_polygon_push_visible(polygon: ptr<function, LtcPolygon>, m_inv: mat3x3<f32>, vertex: vec3<f32>) {
+    let previous = (*polygon).chain.previous;
+    (*polygon).chain = form_factor_chain_push((*polygon).chain, vertex);
+    let latest = (*polygon).chain.previous;
+    // The plane of a long edge along the horizon is known exactly here, but not from its ends once they are
+    // transformed and rounded: a third point keeps it.
+    let is_long = previous.z == 0.0 && latest.z == 0.0 && dot(previous, latest) < 0.0;
+    for (var k = select(1u, 0u, is_long); k < 2u; k++) {
+        var point = latest;
+        if k == 0u {
+            point = horizon_middle(previous, latest);
+        }
+        ltc_polygon_push_lobe(polygon, m_inv * point);
     }
 }
 
@@ -125,7 +140,12 @@ fn ltc_polygon_close(polygon: ptr<function, LtcPolygon>, m_inv: mat3x3<f32>) {
     if any((*polygon).clip.previous != (*polygon).clip.first) {
         ltc_polygon_push(polygon, m_inv, (*polygon).clip.first);
     }
-    ltc_polygon_push_lobe(polygon, (*polygon).lobe_clip.first);
+    if (*polygon).chain.started != 0u {
+        ltc_polygon_push_visible(polygon, m_inv, (*polygon).chain.first);
+    }
+    if any((*polygon).lobe_clip.previous != (*polygon).lobe_clip.first) {
+        ltc_polygon_push_lobe(polygon, (*polygon).lobe_clip.first);
+    }
     (*polygon).diffuse = form_factor_chain_close((*polygon).chain);
     (*polygon).specular = form_factor_chain_close((*polygon).lobe_chain);
 }

@@ -119,7 +119,7 @@ pub fn sg_product_integral(a: SgLobe, b: SgLobe) -> Vec3 {
 /// Integral of a lobe of unit amplitude over the hemisphere about a normal, in sr; `cosine` between axis and normal.
 ///
 /// The form of Tokuyoshi 2022, "Accurate Diffuse Lighting from Spherical Gaussian Lights", with erf: exact for cosine
-/// ±1 and for λ to 0, error at most 4.5e-3 of the lobe's integral (near λ = 10; test `sg_hemispheres`).
+/// ±1 and for λ to 0, error at most 4.6e-3 of the lobe's integral (near λ = 10; test `sg_hemispheres`).
 #[must_use]
 pub fn sg_hemispherical_integral(sharpness: f32, cosine: f32) -> f32 {
     let s = sharpness.min(MAX_FIT_SHARPNESS);

@@ -3,7 +3,7 @@
 use crate::light::{AreaLightTexture, MAX_VERTICES, PolygonLight};
 use akari_math::outline::outline;
 use bevy::math::{Affine2, Mat2};
-use bevy::mesh::VertexAttributeValues;
+use bevy::mesh::{UvChannel, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 
@@ -178,7 +178,7 @@ pub fn light_from_mesh(mesh: &Mesh, material: &StandardMaterial) -> Result<Light
         .map(|i| (vertices[i] - origin).cross(vertices[(i + 1) % vertices.len()] - origin))
         .sum();
     let normal = area_vector.try_normalize().ok_or("its area is zero")?;
-    let rotation = Quat::from_mat3(&frame_facing(normal));
+    let rotation = Quat::from_mat3(&frame_facing(normal, vertices[1] - vertices[0]));
     let local = |position: Vec3| (rotation.inverse() * (position - origin)).truncate();
     let mut light = PolygonLight::new(vertices.iter().copied().map(local).collect::<Vec<_>>());
     light.color = Color::LinearRgba(material.emissive.with_alpha(1.0));
@@ -187,7 +187,11 @@ pub fn light_from_mesh(mesh: &Mesh, material: &StandardMaterial) -> Result<Light
     let texture = match &material.emissive_texture {
         None => None,
         Some(image) => {
-            let Some(VertexAttributeValues::Float32x2(uvs)) = mesh.attribute(Mesh::ATTRIBUTE_UV_0) else {
+            let channel = match material.emissive_channel {
+                UvChannel::Uv0 => Mesh::ATTRIBUTE_UV_0,
+                UvChannel::Uv1 => Mesh::ATTRIBUTE_UV_1,
+            };
+            let Some(VertexAttributeValues::Float32x2(uvs)) = mesh.attribute(channel) else {
                 return Err("it has an emissive texture but no texture coordinates".into());
             };
             let samples: Vec<(Vec2, Vec2)> = indices
@@ -212,10 +216,13 @@ pub fn light_from_mesh(mesh: &Mesh, material: &StandardMaterial) -> Result<Light
     })
 }
 
-/// A rotation whose −Z is `normal`.
-fn frame_facing(normal: Vec3) -> Mat3 {
+/// A rotation whose −Z is `normal` and whose X runs along `edge`, so that rectangles stay upright in it.
+fn frame_facing(normal: Vec3, edge: Vec3) -> Mat3 {
     let z = -normal;
-    let x = z.any_orthonormal_vector();
+    let x = edge
+        .reject_from_normalized(z)
+        .try_normalize()
+        .unwrap_or_else(|| z.any_orthonormal_vector());
     Mat3::from_cols(x, z.cross(x), z)
 }
 

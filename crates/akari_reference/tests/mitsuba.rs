@@ -30,7 +30,7 @@ fn folder() -> Option<PathBuf> {
     }
 }
 
-fn render_occluder(folder: &std::path::Path, no_occlusion: bool) -> (Scene, Output) {
+fn render_occluder(folder: &std::path::Path, no_occlusion: bool, seed: u64) -> Output {
     let scene = Scene::load(&folder.join("scene.glb")).unwrap();
     let options = Options {
         width: 256,
@@ -39,26 +39,29 @@ fn render_occluder(folder: &std::path::Path, no_occlusion: bool) -> (Scene, Outp
         max_depth: 2,
         pixel_centers: true,
         no_occlusion,
+        seed,
         ..Options::default()
     };
-    let output = render(&scene, None, &options, &NoProgress).unwrap();
-    (scene, output)
+    render(&scene, None, &options, &NoProgress).unwrap()
 }
 
 fn check(no_occlusion: bool, reference: &str) -> Option<(Output, RgbImage, RgbImage, Metrics)> {
     let folder = folder()?;
-    let (_, output) = render_occluder(&folder, no_occlusion);
+    let output = render_occluder(&folder, no_occlusion, 1);
     let expected = read_rgb(&folder.join(reference)).unwrap();
     let mask = read_rgb(&folder.join("mask_interior.exr")).unwrap();
     let metrics = compare(&output.color, &expected, Some(&mask)).unwrap();
-    let noise = output.noise.unwrap();
-    eprintln!("{reference}: {metrics:?}\n{noise:?} {:?}", output.statistics);
+    // The stated noise holds for the whole image, the lamp in view included; this is its part inside of the mask.
+    let again = render_occluder(&folder, no_occlusion, 2);
+    let pair = compare(&again.color, &output.color, Some(&mask)).unwrap();
+    let noise = pair.rel_rmse / std::f64::consts::SQRT_2;
+    eprintln!("{reference}: {metrics:?}\nnoise {noise} {:?}", output.statistics);
     assert_eq!(output.statistics.non_finite_samples, 0);
     assert_eq!(metrics.non_finite, 0);
     assert!(metrics.bias.abs() < 0.01, "bias {}", metrics.bias);
-    // Both noises, and half as much again for what noise estimates are worth.
-    let expected_error = noise.relative_rms.hypot(MITSUBA_NOISE);
-    assert!(metrics.rel_rmse < 1.5 * expected_error, "{} {expected_error}", metrics.rel_rmse);
+    // Both noises, and a quarter more for what estimates of noise are worth.
+    let expected_error = noise.hypot(MITSUBA_NOISE);
+    assert!(metrics.rel_rmse < 1.25 * expected_error, "{} {expected_error}", metrics.rel_rmse);
     Some((output, expected, mask, metrics))
 }
 

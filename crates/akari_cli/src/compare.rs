@@ -1,0 +1,21 @@
+//! `akari compare`: the error of one image against another.
+
+use crate::args::CompareArgs;
+use crate::error::CliError;
+use akari_reference::metrics::compare;
+use akari_scene::exr_io::read_rgb;
+
+/// Runs the command.
+///
+/// # Errors
+/// If a file cannot be read or the images do not fit together.
+pub fn run(args: &CompareArgs) -> Result<(), CliError> {
+    let a = read_rgb(&args.a)?;
+    let b = read_rgb(&args.b)?;
+    let mask = args.mask.as_deref().map(read_rgb).transpose()?;
+    let metrics = compare(&a, &b, mask.as_ref())
+        .map_err(|error| CliError::input(format!("{}: {error}", args.a.display())))?;
+    let text = serde_json::to_string_pretty(&metrics).map_err(|error| CliError::other(error.to_string()))?;
+    println!("{text}");
+    Ok(())
+}

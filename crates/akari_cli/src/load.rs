@@ -1,0 +1,128 @@
+//! Scenes, cameras and pictures, with errors that name the file.
+
+use crate::args::{Common, Size};
+use crate::error::CliError;
+use akari_scene::exr_io::{RgbImage, write_rgb};
+use akari_scene::tonemap::{Exposure, write_png};
+use akari_scene::{Camera, Scene};
+use std::path::Path;
+
+/// Format of a picture, by the ending of its file name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// 32-bit linear radiance.
+    Exr,
+    /// Tonemapped.
+    Png,
+}
+
+/// The format that a path asks for.
+///
+/// # Errors
+/// If its ending is neither `.exr` nor `.png`.
+pub fn picture_format(path: &Path) -> Result<PictureFormat, CliError> {
+    match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
+        Some("exr") => Ok(PictureFormat::Exr),
+        Some("png") => Ok(PictureFormat::Png),
+        _ => Err(CliError::usage(format!(
+            "{}: a picture's name ends in .exr (linear radiance) or .png (tonemapped)",
+            path.display()
+        ))),
+    }
+}
+
+/// Refuses an output path whose folder is not there, before the work rather than after it.
+///
+/// # Errors
+/// If the folder does not exist.
+pub fn check_output(path: &Path) -> Result<(), CliError> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        return Err(CliError::input(format!(
+            "{}: cannot be written, there is no folder {}; make it first",
+            path.display(),
+            folder.display()
+        )));
+    }
+    if path.is_dir() {
+        return Err(CliError::input(format!("{}: is a folder; name a file in it", path.display())));
+    }
+    Ok(())
+}
+
+/// Writes a picture through a temporary file.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_picture(path: &Path, image: &RgbImage, exposure: Option<f32>) -> Result<(), CliError> {
+    match picture_format(path)? {
+        PictureFormat::Exr => write_rgb(path, image)?,
+        PictureFormat::Png => write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?,
+    }
+    Ok(())
+}
+
+/// Loads a scene and prints its warnings.
+///
+/// # Errors
+/// If the file cannot be used.
+pub fn load_scene(path: &Path, common: &Common) -> Result<Scene, CliError> {
+    let scene = Scene::load(path)?;
+    for warning in &scene.warnings {
+        warn(common, &format!("{}: {warning}", path.display()));
+    }
+    Ok(scene)
+}
+
+/// Prints a warning to standard error unless asked to be quiet.
+pub fn warn(common: &Common, text: &str) {
+    if !common.quiet {
+        eprintln!("warning: {text}");
+    }
+}
+
+/// The camera of that name or number, else the first, else one that frames the scene.
+///
+/// # Errors
+/// If there is no camera of that name or number; those that are there are listed.
+pub fn choose_camera(scene: &Scene, wanted: Option<&str>, common: &Common) -> Result<Camera, CliError> {
+    let Some(wanted) = wanted else {
+        return Ok(scene.cameras.first().cloned().unwrap_or_else(|| {
+            warn(common, "the scene has no camera: it is framed from the front");
+            scene.frame_camera()
+        }));
+    };
+    let by_name = scene.cameras.iter().find(|camera| camera.name == wanted);
+    let by_number = || wanted.parse::<usize>().ok().and_then(|index| scene.cameras.get(index));
+    by_name.or_else(by_number).cloned().ok_or_else(|| {
+        let names: Vec<_> = scene
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(index, camera)| format!("{index} '{}'", camera.name))
+            .collect();
+        CliError::usage(format!(
+            "{}: there is no camera '{wanted}'; there are: {}",
+            scene.source.display(),
+            if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+        ))
+    })
+}
+
+/// Refuses images that nobody means to ask for.
+///
+/// # Errors
+/// If the image has more pixels than are read or written.
+pub fn check_size(size: Size) -> Result<(), CliError> {
+    const MOST_PIXELS: u64 = 1 << 28;
+    if u64::from(size.width) * u64::from(size.height) > MOST_PIXELS {
+        return Err(CliError::usage(format!(
+            "{}x{} pixels are too many (at most {MOST_PIXELS} in all)",
+            size.width, size.height
+        )));
+    }
+    Ok(())
+}

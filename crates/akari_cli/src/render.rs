@@ -1,0 +1,252 @@
+//! `akari render`: a glTF scene through the Bevy plugins, headless.
+
+use crate::args::{Common, QualityArg, RenderArgs};
+use crate::error::CliError;
+use crate::load::{check_output, check_size, choose_camera, load_scene, picture_format, warn, write_picture};
+use crate::spawn::{camera_components, spawn_scene};
+use crate::stats::{FrameTimes, Stats};
+use akari_scene::Scene;
+use akari_scene::exr_io::RgbImage;
+use bevy::prelude::*;
+use bevy_akari::area_light::demand::{CollectCounters, VISIBLE_AREA_LIGHTS};
+use bevy_akari::headless::{Headless, HeadlessOptions};
+use bevy_akari::prelude::*;
+use bevy_akari::render::census::Census;
+use std::time::Instant;
+
+/// Effects that a command line may name.
+const EFFECTS: [&str; 8] = [
+    "area-lights",
+    "shadows",
+    "lobes",
+    "voxel-gi",
+    "interreflection",
+    "environment",
+    "denoise",
+    "upsample",
+];
+/// Those of them that this version has.
+const AVAILABLE_EFFECTS: [&str; 1] = ["area-lights"];
+
+/// Which effects were asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum WantedEffects {
+    /// Those that the scene calls for.
+    Auto,
+    /// These; none if empty.
+    Only(Vec<String>),
+}
+
+impl WantedEffects {
+    /// Reads `auto`, `none` or a list.
+    ///
+    /// # Errors
+    /// If a name is unknown or not there yet.
+    pub fn parse(text: &str) -> Result<Self, CliError> {
+        match text.trim() {
+            "auto" => return Ok(Self::Auto),
+            "none" => return Ok(Self::Only(Vec::new())),
+            _ => {}
+        }
+        let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+        for name in &names {
+            if !EFFECTS.contains(&name.as_str()) {
+                return Err(CliError::usage(format!(
+                    "there is no effect '{name}'; known are: {}",
+                    EFFECTS.join(", ")
+                )));
+            }
+            if !AVAILABLE_EFFECTS.contains(&name.as_str()) {
+                return Err(CliError::usage(format!(
+                    "the effect '{name}' is not in this version; it has: {}",
+                    AVAILABLE_EFFECTS.join(", ")
+                )));
+            }
+        }
+        Ok(Self::Only(names))
+    }
+
+    fn area_lights(&self) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::Only(names) => names.iter().any(|name| name == AVAILABLE_EFFECTS[0]),
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// With the exit code of what went wrong.
+pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
+    let wanted = WantedEffects::parse(&args.effects)?;
+    let settings = settings(args)?;
+    picture_format(&args.out)?;
+    check_size(args.size)?;
+    check_output(&args.out)?;
+    if let Some(stats) = &args.stats {
+        check_output(stats)?;
+    }
+    if args.bake.is_some() {
+        return Err(CliError::usage("--bake: this version draws no baked visibility yet"));
+    }
+    if args.environment.is_some() {
+        return Err(CliError::usage(
+            "--environment: this version draws no environment light yet; `akari reference` does",
+        ));
+    }
+    let scene = load_scene(&args.scene, common)?;
+    let camera = choose_camera(&scene, args.camera.as_deref(), common)?;
+    // Bevy's emission buffer and HDR target end at 65,504: brighter scenes are drawn darker by a power of two.
+    let scale = radiance_scale(&scene);
+
+    let options = HeadlessOptions {
+        adapter: common.adapter.clone(),
+        log_level: if common.quiet {
+            bevy::log::Level::ERROR
+        } else {
+            bevy::log::Level::WARN
+        },
+    };
+    let mut headless = Headless::new(&options)?;
+    let world = headless.app.world_mut();
+    settings.apply(world);
+    world.insert_resource(CollectCounters(args.stats.is_some()));
+    for warning in spawn_scene(world, &scene, scale) {
+        warn(common, &format!("{}: {warning}", args.scene.display()));
+    }
+    let (projection, transform) = camera_components(&camera);
+    let size = UVec2::new(args.size.width, args.size.height);
+    let view = headless.spawn_camera(size, projection, transform)?;
+    if wanted.area_lights() && !args.bevy_rect_lights {
+        headless.app.world_mut().entity_mut(view).insert(AkariCamera);
+    } else {
+        use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+        headless.app.world_mut().entity_mut(view).insert((DepthPrepass, DeferredPrepass));
+    }
+    if args.bevy_rect_lights {
+        crate::spawn::replace_by_bevy_rect_lights(&mut headless, common)?;
+    }
+    headless.step_until_ready()?;
+
+    let ledger = headless.ledger();
+    let passes_before = ledger.passes();
+    let mut times = FrameTimes::default();
+    // No effect of this version changes from frame to frame: the picture has converged when everything is loaded.
+    // For times, a few frames more, without the ones in which a software GPU compiles.
+    let frames = args.frames.unwrap_or(if args.stats.is_some() { 5 } else { 1 }).min(64_000);
+    for _ in 0..frames {
+        let start = Instant::now();
+        headless.step()?;
+        times.add(start.elapsed(), headless.gpu_times());
+    }
+    let passes_after = ledger.passes();
+    let read = headless.read(view)?;
+    let mut non_finite = 0u64;
+    let data = read
+        .data
+        .iter()
+        .map(|[r, g, b, _]| {
+            let rgb = [r / scale, g / scale, b / scale];
+            non_finite += u64::from(!rgb.iter().all(|channel| channel.is_finite()));
+            rgb
+        })
+        .collect();
+    if non_finite > 0 {
+        warn(common, &format!("{non_finite} pixels are not finite: please report this scene"));
+    }
+    let image = RgbImage {
+        width: read.width,
+        height: read.height,
+        data,
+    };
+    if let Some(folder) = &args.buffers {
+        crate::buffers::write(&mut headless, view, folder, scale, &image)?;
+    }
+    write_picture(&args.out, &image, args.exposure)?;
+    if let Some(path) = &args.stats {
+        let executions = passes_after
+            .iter()
+            .map(|(name, count)| (*name, count - passes_before.get(name).copied().unwrap_or(0)))
+            .collect();
+        let world = headless.app.world();
+        let stats = Stats::new(
+            headless.adapter(),
+            frames,
+            executions,
+            &times,
+            &ledger,
+            world.resource::<EffectReport>(),
+            world.resource::<Census>().count(VISIBLE_AREA_LIGHTS),
+            non_finite,
+        );
+        stats.write(path)?;
+    }
+    Ok(())
+}
+
+/// The settings that the arguments ask for.
+fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
+    let mut settings = match &args.settings {
+        None => AkariSettings::preset(match args.quality {
+            QualityArg::Low => Quality::Low,
+            QualityArg::Medium => Quality::Medium,
+            QualityArg::High => Quality::High,
+            QualityArg::Ultra => Quality::Ultra,
+        }),
+        Some(path) => {
+            let text = std::fs::read_to_string(path)
+                .map_err(|error| CliError::input(format!("{}: cannot be read: {error}", path.display())))?;
+            AkariSettings::from_ron(&text)
+                .map_err(|error| CliError::input(format!("{}: {error}", path.display())))?
+        }
+    };
+    for setting in &args.set {
+        settings
+            .set(&setting.effect, &setting.knob, setting.value)
+            .map_err(|error| CliError::usage(error.to_string()))?;
+    }
+    Ok(settings)
+}
+
+/// A power of two that brings the brightest emission well below the end of half precision.
+fn radiance_scale(scene: &Scene) -> f32 {
+    const BRIGHTEST: f32 = 16_384.0;
+    let emission = scene.materials.iter().map(|material| material.emission.max_element());
+    let area = scene.area_lights.iter().map(|light| light.radiance.max_element());
+    let brightest = emission.chain(area).fold(0.0f32, f32::max);
+    if brightest <= BRIGHTEST {
+        1.0
+    } else {
+        (BRIGHTEST / brightest).log2().floor().exp2()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use akari_scene::Material;
+
+    #[test]
+    fn effects_are_checked_by_name() {
+        assert_eq!(WantedEffects::parse("auto").ok(), Some(WantedEffects::Auto));
+        assert_eq!(WantedEffects::parse("none").ok(), Some(WantedEffects::Only(vec![])));
+        assert!(WantedEffects::parse("area-lights").is_ok_and(|wanted| wanted.area_lights()));
+        for wrong in ["area-light", "voxel-gi", "", "auto,none"] {
+            assert_eq!(WantedEffects::parse(wrong).map_err(|error| error.code), Err(crate::error::USAGE), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn bright_scenes_are_scaled_by_a_power_of_two() {
+        let mut scene = Scene::default();
+        assert_eq!(radiance_scale(&scene), 1.0);
+        scene.materials.push(Material {
+            emission: Vec3::new(1.0, 3e6, 0.0),
+            ..Material::default()
+        });
+        let scale = radiance_scale(&scene);
+        assert_eq!(scale.log2().fract(), 0.0);
+        assert!(scale * 3e6 <= 16_384.0 && scale * 3e6 > 8_000.0);
+    }
+}

@@ -29,7 +29,11 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| format!("the adapter gives no device: {error}"))?;
-        Ok(Self { device, queue, adapter_info: adapter.get_info() })
+        Ok(Self {
+            device,
+            queue,
+            adapter_info: adapter.get_info(),
+        })
     }
 }
 
@@ -39,7 +43,10 @@ pub fn gpu() -> Result<&'static Gpu, &'static str> {
     let gpu = GPU.get_or_init(|| {
         let gpu = Gpu::new();
         match &gpu {
-            Ok(gpu) => eprintln!("gpu tests run on {} ({})", gpu.adapter_info.name, gpu.adapter_info.driver_info),
+            Ok(gpu) => eprintln!(
+                "gpu tests run on {} ({})",
+                gpu.adapter_info.name, gpu.adapter_info.driver_info
+            ),
             Err(reason) => eprintln!("gpu tests do not run: {reason}"),
         }
         gpu
@@ -58,7 +65,10 @@ pub fn gpu_or_skip(test: &str) -> Option<&'static Gpu> {
         Ok(gpu) => Some(gpu),
         Err(reason) => {
             let required = std::env::var(REQUIRE_GPU).is_ok_and(|value| value == "1");
-            assert!(!required, "{test} needs a GPU, and {REQUIRE_GPU}=1: {reason}");
+            assert!(
+                !required,
+                "{test} needs a GPU, and {REQUIRE_GPU}=1: {reason}"
+            );
             eprintln!("SKIPPED {test}: {reason} (set {REQUIRE_GPU}=1 to make this a failure)");
             None
         }

@@ -26,8 +26,15 @@ pub fn image_difference(actual: &[f32], expected: &[f32]) -> ImageDifference {
     assert_eq!(actual.len() % 3, 0, "not whole RGB pixels");
     let mut difference = ImageDifference::default();
     let (mut squares, mut expected_squares, mut count) = (0.0_f64, 0.0_f64, 0_usize);
-    for (pixel, (a, e)) in actual.chunks_exact(3).zip(expected.chunks_exact(3)).enumerate() {
-        assert!(e.iter().all(|e| e.is_finite()), "pixel {pixel} of the expected image is not finite");
+    for (pixel, (a, e)) in actual
+        .chunks_exact(3)
+        .zip(expected.chunks_exact(3))
+        .enumerate()
+    {
+        assert!(
+            e.iter().all(|e| e.is_finite()),
+            "pixel {pixel} of the expected image is not finite"
+        );
         if !a.iter().all(|a| a.is_finite()) {
             difference.non_finite += 1;
             continue;
@@ -58,7 +65,10 @@ mod tests {
     #[test]
     fn differences_of_images() {
         let expected = [1.0; 12];
-        assert_eq!(image_difference(&expected, &expected), ImageDifference::default());
+        assert_eq!(
+            image_difference(&expected, &expected),
+            ImageDifference::default()
+        );
         let mut actual = expected;
         actual[4] = 3.0;
         let difference = image_difference(&actual, &expected);

@@ -11,5 +11,7 @@ mod report;
 
 pub use device::{Gpu, REQUIRE_GPU, gpu, gpu_or_skip};
 pub use image::{ImageDifference, image_difference};
-pub use kernel::{Kernel, KernelError, UNWRITTEN, compose, compose_module, module_functions, run_kernel};
+pub use kernel::{
+    Kernel, KernelError, UNWRITTEN, compose, compose_module, module_functions, run_kernel,
+};
 pub use report::{CompareReport, Worst, compare, ulp_distance};

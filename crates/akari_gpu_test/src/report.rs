@@ -11,7 +11,11 @@ pub fn ulp_distance(a: f32, b: f32) -> u32 {
     // Maps the floats to integers in their order.
     let key = |x: f32| {
         let bits = x.to_bits() as i32;
-        if bits < 0 { i32::MIN.wrapping_sub(bits) } else { bits }
+        if bits < 0 {
+            i32::MIN.wrapping_sub(bits)
+        } else {
+            bits
+        }
     };
     key(a).abs_diff(key(b))
 }
@@ -84,7 +88,9 @@ pub fn compare(actual: &[f32], expected: &[f64]) -> CompareReport {
             continue;
         }
         let difference = (f64::from(a) - e).abs();
-        report.ulp.raise(f64::from(ulp_distance(a, e as f32)), index);
+        report
+            .ulp
+            .raise(f64::from(ulp_distance(a, e as f32)), index);
         report.absolute.raise(difference, index);
         if e != 0.0 {
             report.relative.raise(difference / e.abs(), index);
@@ -109,8 +115,20 @@ mod tests {
     #[test]
     fn a_difference_is_found_where_it_is() {
         let report = compare(&[1.0, 2.0, f32::NAN, 0.5], &[1.0, 2.5, 1.0, 0.5 + 1e-9]);
-        assert_eq!(report.absolute, Worst { value: 0.5, index: 1 });
-        assert_eq!(report.relative, Worst { value: 0.2, index: 1 });
+        assert_eq!(
+            report.absolute,
+            Worst {
+                value: 0.5,
+                index: 1
+            }
+        );
+        assert_eq!(
+            report.relative,
+            Worst {
+                value: 0.2,
+                index: 1
+            }
+        );
         assert_eq!((report.non_finite, report.first_non_finite), (1, Some(2)));
     }
 }

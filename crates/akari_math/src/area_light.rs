@@ -55,7 +55,11 @@ pub fn dielectric_f90_from_f0(dielectric_f0: f32) -> f32 {
 ///
 /// `metallic` and `reflectance` in `[0, 1]`.
 #[must_use]
-pub fn surface_reflectance(base_color: Vec3, metallic: f32, reflectance: f32) -> SurfaceReflectance {
+pub fn surface_reflectance(
+    base_color: Vec3,
+    metallic: f32,
+    reflectance: f32,
+) -> SurfaceReflectance {
     let dielectric_f0 = dielectric_f0_from_reflectance(reflectance);
     let dielectric_f90 = dielectric_f90_from_f0(dielectric_f0);
     let dielectric = 1.0 - metallic;
@@ -75,7 +79,11 @@ pub fn surface_reflectance(base_color: Vec3, metallic: f32, reflectance: f32) ->
 #[must_use]
 pub fn diffuse_transmission(dielectric_f0: Vec3, dielectric_f90: f32, diffuse_fresnel: f32) -> f32 {
     let reflected = dielectric_f0 + (Vec3::splat(dielectric_f90) - dielectric_f0) * diffuse_fresnel;
-    1.0 - reflected.x.max(reflected.y).max(reflected.z).clamp(0.0, 1.0)
+    1.0 - reflected
+        .x
+        .max(reflected.y)
+        .max(reflected.z)
+        .clamp(0.0, 1.0)
 }
 
 /// Directional albedo of the specular part, `f0 · scale + f90 · bias`, from the table of [`crate::ltc::lookup`].

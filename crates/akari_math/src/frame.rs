@@ -19,7 +19,11 @@ pub fn orthonormal_basis(normal: Vec3) -> Mat3 {
     let a = -1.0 / (side + normal.z);
     let b = normal.x * normal.y * a;
     Mat3::from_cols(
-        Vec3::new(1.0 + side * normal.x * normal.x * a, side * b, -side * normal.x),
+        Vec3::new(
+            1.0 + side * normal.x * normal.x * a,
+            side * b,
+            -side * normal.x,
+        ),
         Vec3::new(b, side + normal.y * normal.y * a, -normal.y),
         normal,
     )

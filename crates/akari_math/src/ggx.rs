@@ -97,7 +97,11 @@ pub fn ggx_dominant_visible_normal(normal: Vec3, view: Vec3, alpha: f32) -> Vec3
     let alpha_squared = alpha * alpha;
     let stretched = alpha_squared * projected.dot(projected);
     let t = (stretched + cosine * cosine).sqrt();
-    let along_normal = if cosine >= 0.0 { t + cosine } else { stretched / (t - cosine).max(TINY) };
+    let along_normal = if cosine >= 0.0 {
+        t + cosine
+    } else {
+        stretched / (t - cosine).max(TINY)
+    };
     safe_normalize(alpha_squared * projected + along_normal * normal, normal)
 }
 
@@ -114,7 +118,8 @@ pub fn ggx_reflection_lobe(normal: Vec3, view: Vec3, alpha: f32) -> ReflectionLo
     let v_dot_m = view.dot(m);
     let jacobian = normal.dot(m).max(0.0) / (4.0 * v_dot_m.max(MIN_V_DOT_M));
     let alpha_squared = alpha * alpha;
-    let sharpness_over = 2.0 * (1.0 - alpha_squared).max(0.0) * jacobian + SHARPNESS_PER_ALPHA * alpha_squared * alpha;
+    let sharpness_over = 2.0 * (1.0 - alpha_squared).max(0.0) * jacobian
+        + SHARPNESS_PER_ALPHA * alpha_squared * alpha;
     ReflectionLobe {
         axis: safe_normalize(2.0 * v_dot_m * m - view, normal),
         inverse_sharpness: alpha_squared / sharpness_over.max(TINY),

@@ -12,6 +12,12 @@
 //! No function returns infinity or NaN for input in its domain, since WGSL implementations may assume that neither
 //! occurs: every denominator is guarded before the division.
 
+#![allow(
+    clippy::excessive_precision,
+    clippy::approx_constant,
+    reason = "literals are those of the WGSL twins"
+)]
+
 pub mod area_light;
 pub mod form_factor;
 pub mod frame;

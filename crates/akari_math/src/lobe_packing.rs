@@ -87,7 +87,10 @@ pub fn half_unpack(bits: u32) -> f32 {
 #[must_use]
 pub fn lobe_pack(axis: Vec3, inverse_sharpness: f32, perceptual_roughness: f32) -> UVec2 {
     let width = half_pack(lobe_width(inverse_sharpness));
-    UVec2::new(octahedral_pack(axis), width | (unorm_pack(perceptual_roughness) << 16))
+    UVec2::new(
+        octahedral_pack(axis),
+        width | (unorm_pack(perceptual_roughness) << 16),
+    )
 }
 
 /// The lobe of [`lobe_pack`].

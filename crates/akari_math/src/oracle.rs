@@ -15,7 +15,11 @@ pub fn one_minus_exp_neg_over_x(x: f64) -> f64 {
 /// Error function, relative error about 1e-15.
 #[must_use]
 pub fn erf(x: f64) -> f64 {
-    if x.abs() > 3.0 { (1.0 - erfc(x.abs())).copysign(x) } else { erf_series(x) }
+    if x.abs() > 3.0 {
+        (1.0 - erfc(x.abs())).copysign(x)
+    } else {
+        erf_series(x)
+    }
 }
 
 /// Complementary error function, relative error about 1e-13.
@@ -62,7 +66,10 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
                 derivative = n as f64 * (x * p1 - p0) / (x * x - 1.0);
                 x -= p1 / derivative;
             }
-            (0.5 * (1.0 + x), 1.0 / ((1.0 - x * x) * derivative * derivative))
+            (
+                0.5 * (1.0 + x),
+                1.0 / ((1.0 - x * x) * derivative * derivative),
+            )
         })
         .collect()
 }
@@ -79,9 +86,14 @@ pub fn sg_integral(sharpness: f64) -> f64 {
 #[must_use]
 pub fn sg_product_integral(sharpness_a: f64, sharpness_b: f64, one_minus_cosine: f64) -> f64 {
     let sum = sharpness_a + sharpness_b;
-    let r = (sum * sum - 2.0 * sharpness_a * sharpness_b * one_minus_cosine).max(0.0).sqrt();
-    let log_amplitude =
-        if sum == 0.0 { 0.0 } else { -2.0 * sharpness_a * sharpness_b * one_minus_cosine / (r + sum) };
+    let r = (sum * sum - 2.0 * sharpness_a * sharpness_b * one_minus_cosine)
+        .max(0.0)
+        .sqrt();
+    let log_amplitude = if sum == 0.0 {
+        0.0
+    } else {
+        -2.0 * sharpness_a * sharpness_b * one_minus_cosine / (r + sum)
+    };
     log_amplitude.exp() * sg_integral(r)
 }
 
@@ -97,7 +109,12 @@ pub fn sg_hemisphere_quadrature(sharpness: f64, cosine: f64, clamped_cosine: boo
     // z = cos(polar angle) from the fraction of the energy beyond it, and back.
     let z_of = |u: f64| 1.0 + (-u * -(-2.0 * sharpness).exp_m1()).ln_1p() / sharpness;
     let u_of = |z: f64| (sharpness * (z - 1.0)).exp_m1() / (-2.0 * sharpness).exp_m1();
-    let mut splits = [0.0, u_of(sine).clamp(0.0, 1.0), u_of(-sine).clamp(0.0, 1.0), 1.0];
+    let mut splits = [
+        0.0,
+        u_of(sine).clamp(0.0, 1.0),
+        u_of(-sine).clamp(0.0, 1.0),
+        1.0,
+    ];
     splits.sort_by(f64::total_cmp);
     static NODES: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
     let nodes = NODES.get_or_init(|| gauss_legendre(128));
@@ -118,8 +135,11 @@ pub fn sg_hemisphere_quadrature(sharpness: f64, cosine: f64, clamped_cosine: boo
             } else {
                 (-constant / swing).acos()
             };
-            let value =
-                if clamped_cosine { 2.0 * (constant * azimuth + swing * azimuth.sin()) } else { 2.0 * azimuth };
+            let value = if clamped_cosine {
+                2.0 * (constant * azimuth + swing * azimuth.sin())
+            } else {
+                2.0 * azimuth
+            };
             sum += weight * jacobian * width * value;
         }
     }
@@ -137,7 +157,11 @@ pub fn clip_at_horizon(vertices: &[DVec3]) -> Vec<DVec3> {
         }
         if (a.z > 0.0) != (b.z > 0.0) {
             let t = a.z / (a.z - b.z);
-            clipped.push(DVec3::new(a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), 0.0));
+            clipped.push(DVec3::new(
+                a.x + t * (b.x - a.x),
+                a.y + t * (b.y - a.y),
+                0.0,
+            ));
         }
     }
     clipped
@@ -167,14 +191,23 @@ pub fn form_factor(vertices: &[DVec3]) -> DVec3 {
 /// Vector form factor, in cosine space, of the part of a polygon above the horizon.
 #[must_use]
 pub fn ltc_form_factor(vertices: &[DVec3], m_inv: DMat3) -> DVec3 {
-    let transformed: Vec<DVec3> = clip_at_horizon(vertices).into_iter().map(|v| m_inv * v).collect();
+    let transformed: Vec<DVec3> = clip_at_horizon(vertices)
+        .into_iter()
+        .map(|v| m_inv * v)
+        .collect();
     form_factor(&transformed)
 }
 
 /// Integral of a linearly transformed cosine over the parallelogram `corner + s edge_u + t edge_v` by midpoint
 /// quadrature with `n × n` points, horizons included: what [`ltc_form_factor`] is checked against. Not signed.
 #[must_use]
-pub fn ltc_parallelogram_quadrature(corner: DVec3, edge_u: DVec3, edge_v: DVec3, m_inv: DMat3, n: usize) -> f64 {
+pub fn ltc_parallelogram_quadrature(
+    corner: DVec3,
+    edge_u: DVec3,
+    edge_v: DVec3,
+    m_inv: DMat3,
+    n: usize,
+) -> f64 {
     let normal = edge_u.cross(edge_v);
     let mut sum = 0.0;
     for i in 0..n {
@@ -188,7 +221,8 @@ pub fn ltc_parallelogram_quadrature(corner: DVec3, edge_u: DVec3, edge_v: DVec3,
             }
             let transformed = m_inv * w;
             let length = transformed.length();
-            let density = (transformed.z / length).max(0.0) / PI * m_inv.determinant().abs() / length.powi(3);
+            let density =
+                (transformed.z / length).max(0.0) / PI * m_inv.determinant().abs() / length.powi(3);
             sum += density * normal.dot(w).abs() / (distance * distance);
         }
     }
@@ -243,8 +277,12 @@ mod tests {
         assert!((sum - 0.1).abs() < 1e-14);
         for sharpness in [1e-3, 1.0, 50.0, 1e4] {
             // The two hemispheres make the sphere.
-            let both = sg_hemisphere_quadrature(sharpness, 0.3, false) + sg_hemisphere_quadrature(sharpness, -0.3, false);
-            assert!((both / sg_integral(sharpness) - 1.0).abs() < 1e-6, "{sharpness}: {both}");
+            let both = sg_hemisphere_quadrature(sharpness, 0.3, false)
+                + sg_hemisphere_quadrature(sharpness, -0.3, false);
+            assert!(
+                (both / sg_integral(sharpness) - 1.0).abs() < 1e-6,
+                "{sharpness}: {both}"
+            );
             // About its own axis, in closed form.
             let exact = TAU * one_minus_exp_neg_over_x(sharpness);
             assert!((sg_hemisphere_quadrature(sharpness, 1.0, false) / exact - 1.0).abs() < 1e-9);
@@ -254,7 +292,11 @@ mod tests {
     #[test]
     fn polygon_oracle_agrees_with_quadrature() {
         let (u, v) = (DVec3::new(0.9, 0.2, 0.4), DVec3::new(-0.3, 1.0, 0.5));
-        let m_inv = DMat3::from_cols(DVec3::new(1.4, 0.0, 0.3), DVec3::Y, DVec3::new(-0.5, 0.0, 0.7));
+        let m_inv = DMat3::from_cols(
+            DVec3::new(1.4, 0.0, 0.3),
+            DVec3::Y,
+            DVec3::new(-0.5, 0.0, 0.7),
+        );
         for corner in [DVec3::new(0.2, -0.4, 1.1), DVec3::new(0.4, 0.1, -0.4)] {
             let polygon = [corner, corner + u, corner + u + v, corner + v];
             for m_inv in [DMat3::IDENTITY, m_inv] {
@@ -264,7 +306,8 @@ mod tests {
             }
         }
         // Seen from below, this square runs clockwise.
-        let square = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(x, y)| DVec3::new(x, y, 1.0));
+        let square = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
+            .map(|(x, y)| DVec3::new(x, y, 1.0));
         assert!(form_factor(&square).z < -0.5);
     }
 }

@@ -55,7 +55,11 @@ pub fn above_horizon(vertex: Vec3) -> u32 {
 pub fn horizon_crossing(a: Vec3, b: Vec3) -> Vec3 {
     let weight_a = b.z.abs();
     let weight_b = a.z.abs();
-    Vec3::new(weight_a * a.x + weight_b * b.x, weight_a * a.y + weight_b * b.y, 0.0)
+    Vec3::new(
+        weight_a * a.x + weight_b * b.x,
+        weight_a * a.y + weight_b * b.y,
+        0.0,
+    )
 }
 
 /// Middle of the arc between two unit directions on the horizon that are more than a right angle apart, up to a
@@ -66,7 +70,11 @@ pub fn horizon_crossing(a: Vec3, b: Vec3) -> Vec3 {
 #[must_use]
 pub fn horizon_middle(a: Vec3, b: Vec3) -> Vec3 {
     let (chord_x, chord_y) = (b.x - a.x, b.y - a.y);
-    let turn = if a.x * b.y - a.y * b.x >= 0.0 { 1.0 } else { -1.0 };
+    let turn = if a.x * b.y - a.y * b.x >= 0.0 {
+        1.0
+    } else {
+        -1.0
+    };
     Vec3::new(turn * chord_y, -turn * chord_x, 0.0)
 }
 
@@ -85,12 +93,22 @@ pub fn horizon_clip_push(clip: HorizonClip, vertex: Vec3) -> HorizonStep {
     let inside = above_horizon(vertex);
     if clip.started == 0 {
         return HorizonStep {
-            clip: HorizonClip { first: vertex, started: 1, previous: vertex, inside },
+            clip: HorizonClip {
+                first: vertex,
+                started: 1,
+                previous: vertex,
+                inside,
+            },
             ..HorizonStep::default()
         };
     }
     HorizonStep {
-        clip: HorizonClip { first: clip.first, started: 1, previous: vertex, inside },
+        clip: HorizonClip {
+            first: clip.first,
+            started: 1,
+            previous: vertex,
+            inside,
+        },
         crossing: horizon_crossing(clip.previous, vertex),
         has_crossing: u32::from(inside != clip.inside),
         has_vertex: inside,
@@ -126,12 +144,19 @@ pub fn clip_polygon(vertices: &[Vec3], plane: Vec4) -> Vec<Vec3> {
         let scale = max_abs_component(v).max(plane.w.abs());
         (distance, distance > ON_PLANE * scale)
     };
-    let Some(&last) = vertices.last() else { return clipped };
+    let Some(&last) = vertices.last() else {
+        return clipped;
+    };
     let (mut previous, (mut previous_distance, mut previous_inside)) = (last, side(last));
     for &vertex in vertices {
         let (distance, inside) = side(vertex);
         if inside != previous_inside {
-            clipped.push(plane_crossing(previous, vertex, previous_distance, distance));
+            clipped.push(plane_crossing(
+                previous,
+                vertex,
+                previous_distance,
+                distance,
+            ));
         }
         if inside {
             clipped.push(vertex);

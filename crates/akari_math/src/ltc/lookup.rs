@@ -18,14 +18,21 @@ pub const LTC_TABLE_SIZE: f32 = 64.0;
 /// Both parameters are clamped to `[0, 1]`.
 #[must_use]
 pub fn ltc_uv(perceptual_roughness: f32, n_dot_v: f32) -> Vec2 {
-    let parameters = Vec2::new(perceptual_roughness.clamp(0.0, 1.0), (1.0 - n_dot_v.clamp(0.0, 1.0)).sqrt());
+    let parameters = Vec2::new(
+        perceptual_roughness.clamp(0.0, 1.0),
+        (1.0 - n_dot_v.clamp(0.0, 1.0)).sqrt(),
+    );
     parameters * ((LTC_TABLE_SIZE - 1.0) / LTC_TABLE_SIZE) + 0.5 / LTC_TABLE_SIZE
 }
 
 /// `M⁻¹` from its texel `(m00, m02, m20, m22)`: `[[m00, 0, m02], [0, 1, 0], [m20, 0, m22]]`, rows listed.
 #[must_use]
 pub fn ltc_m_inv(texel: Vec4) -> Mat3 {
-    Mat3::from_cols(Vec3::new(texel.x, 0.0, texel.z), Vec3::new(0.0, 1.0, 0.0), Vec3::new(texel.y, 0.0, texel.w))
+    Mat3::from_cols(
+        Vec3::new(texel.x, 0.0, texel.z),
+        Vec3::new(0.0, 1.0, 0.0),
+        Vec3::new(texel.y, 0.0, texel.w),
+    )
 }
 
 /// `M`, the inverse of [`ltc_m_inv`], times the determinant of the latter, which is positive for every valid texel.

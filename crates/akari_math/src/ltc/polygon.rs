@@ -56,7 +56,11 @@ pub struct LtcPolygon {
 /// An empty polygon.
 #[must_use]
 pub fn lambert_polygon_new() -> LambertPolygon {
-    LambertPolygon { diffuse: Vec3::ZERO, clip: horizon_clip_new(), chain: form_factor_chain_new() }
+    LambertPolygon {
+        diffuse: Vec3::ZERO,
+        clip: horizon_clip_new(),
+        chain: form_factor_chain_new(),
+    }
 }
 
 /// Adds the edge from `a` to `b`, vertices relative to the shading point in the shading frame; `a` is the `b` of the
@@ -122,7 +126,10 @@ pub fn ltc_polygon_push(polygon: &mut LtcPolygon, m_inv: Mat3, vertex: Vec3) {
     }
     let step = horizon_clip_push(polygon.clip, scaled);
     polygon.clip = step.clip;
-    for (visible, has) in [(step.crossing, step.has_crossing), (scaled, step.has_vertex)] {
+    for (visible, has) in [
+        (step.crossing, step.has_crossing),
+        (scaled, step.has_vertex),
+    ] {
         if has != 0 {
             ltc_polygon_push_visible(polygon, m_inv, visible);
         }
@@ -153,7 +160,10 @@ pub fn ltc_polygon_push_lobe(polygon: &mut LtcPolygon, vertex: Vec3) {
     }
     let step = horizon_clip_push(polygon.lobe_clip, scaled);
     polygon.lobe_clip = step.clip;
-    for (visible, has) in [(step.crossing, step.has_crossing), (scaled, step.has_vertex)] {
+    for (visible, has) in [
+        (step.crossing, step.has_crossing),
+        (scaled, step.has_vertex),
+    ] {
         if has != 0 {
             polygon.lobe_chain = form_factor_chain_push(polygon.lobe_chain, visible);
         }

@@ -72,7 +72,12 @@ pub fn sg_upper_hemisphere_integral(sharpness: f32) -> f32 {
 /// every digit, no overflow. The axis of equal and opposite lobes, whose product is constant, is the first one's.
 /// After Tokuyoshi 2025, "A Numerically Stable Implementation of the von Mises-Fisher Distribution on S²".
 #[must_use]
-pub fn sg_product_unit(axis_a: Vec3, sharpness_a: f32, axis_b: Vec3, sharpness_b: f32) -> SgProduct {
+pub fn sg_product_unit(
+    axis_a: Vec3,
+    sharpness_a: f32,
+    axis_b: Vec3,
+    sharpness_b: f32,
+) -> SgProduct {
     let smaller = sharpness_a.min(sharpness_b);
     let larger = sharpness_a.max(sharpness_b);
     let ratio = smaller / larger.max(TINY);
@@ -105,7 +110,12 @@ pub fn sg_product(a: SgLobe, b: SgLobe) -> SgLobe {
 /// Equal to `4π sinh(r)/(e^{λ₁+λ₂} r)`, without its overflow. Relative error below 1e-5 where the result is above
 /// 1e-20 (test `twins`).
 #[must_use]
-pub fn sg_product_integral_unit(axis_a: Vec3, sharpness_a: f32, axis_b: Vec3, sharpness_b: f32) -> f32 {
+pub fn sg_product_integral_unit(
+    axis_a: Vec3,
+    sharpness_a: f32,
+    axis_b: Vec3,
+    sharpness_b: f32,
+) -> f32 {
     let product = sg_product_unit(axis_a, sharpness_a, axis_b, sharpness_b);
     product.log_amplitude.exp() * sg_integral(product.sharpness)
 }
@@ -147,7 +157,9 @@ pub fn sg_cosine_upper_bound(sharpness: f32) -> f32 {
                             - sharpness
                                 * (1.0 / 120.0
                                     - sharpness
-                                        * (1.0 / 720.0 - sharpness * (1.0 / 5040.0 - sharpness * (1.0 / 40320.0))))));
+                                        * (1.0 / 720.0
+                                            - sharpness
+                                                * (1.0 / 5040.0 - sharpness * (1.0 / 40320.0))))));
     }
     (1.0 - one_minus_exp_neg_over_x(sharpness)) / sharpness
 }
@@ -166,7 +178,10 @@ pub fn sg_cosine_lower_bound(sharpness: f32) -> f32 {
                                 - sharpness
                                     * (1.0 / 30.0
                                         - sharpness
-                                            * (1.0 / 144.0 - sharpness * (1.0 / 840.0 - sharpness * (1.0 / 5760.0)))))));
+                                            * (1.0 / 144.0
+                                                - sharpness
+                                                    * (1.0 / 840.0
+                                                        - sharpness * (1.0 / 5760.0)))))));
     }
     tail * (one_minus_exp_neg_over_x(sharpness) - tail) / sharpness
 }
@@ -191,7 +206,11 @@ pub fn sg_clamped_cosine_integral(sharpness: f32, cosine: f32) -> f32 {
     let z = steepness * c;
     let sine_squared = (1.0 - c) * (1.0 + c);
     let exponent = steepness * steepness * sine_squared;
-    let bump = HALF_INV_SQRT_PI * (-z * z).exp() * steepness * sine_squared * one_minus_exp_neg_over_x(exponent);
+    let bump = HALF_INV_SQRT_PI
+        * (-z * z).exp()
+        * steepness
+        * sine_squared
+        * one_minus_exp_neg_over_x(exponent);
     let fraction = (0.5 * (c * erfc_poly(-z) + erfc_poly(steepness)) + bump).clamp(0.0, 1.0);
     TWO_PI * (lower + (upper - lower) * fraction)
 }

@@ -1,6 +1,8 @@
 //! Rows of `area_light` and `tile_bounds`, and the bounds against what they bound.
 
-use crate::harness::{Budget, Case, Mutation, Random, absolute, domain, dvec3, push3, rows, ulp, ulp_of, vec3};
+use crate::harness::{
+    Budget, Case, Mutation, Random, absolute, domain, dvec3, push3, rows, ulp, ulp_of, vec3,
+};
 use akari_math::{area_light, oracle, tile_bounds};
 use glam::{DMat3, DVec3, Vec3, Vec4};
 
@@ -8,11 +10,19 @@ const LIGHT: &str = "akari_math::area_light";
 const BOUNDS: &str = "akari_math::tile_bounds";
 
 fn light_mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: LIGHT, from, to }
+    Mutation {
+        module: LIGHT,
+        from,
+        to,
+    }
 }
 
 fn bounds_mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: BOUNDS, from, to }
+    Mutation {
+        module: BOUNDS,
+        from,
+        to,
+    }
 }
 
 /// A box, a sphere, a plane.
@@ -20,7 +30,15 @@ fn scenes(seed: u64, n: usize) -> Vec<f32> {
     rows(seed, n, |random, row| {
         let corner = random.direction() * random.range(0.0, 3.0);
         push3(row, corner);
-        push3(row, corner + Vec3::new(random.range(0.1, 2.0), random.range(0.1, 2.0), random.range(0.1, 2.0)));
+        push3(
+            row,
+            corner
+                + Vec3::new(
+                    random.range(0.1, 2.0),
+                    random.range(0.1, 2.0),
+                    random.range(0.1, 2.0),
+                ),
+        );
         push3(row, random.direction() * random.range(0.0, 5.0));
         row.push(random.range(0.1, 2.0));
         push3(row, random.direction());
@@ -196,7 +214,8 @@ fn bounds_hold() {
         let v = normal.cross(u);
         let (half_u, half_v) = (random.log_range(-2.0, 0.3), random.log_range(-2.0, 0.3));
         let center = random.direction() * random.log_range(-0.5, 1.5);
-        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(s, t)| center + s * half_u * u + t * half_v * v);
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(s, t)| center + s * half_u * u + t * half_v * v);
         let area = 4.0 * half_u * half_v;
         let radius = (half_u * half_u + half_v * half_v).sqrt();
         // The cell is the shading point itself.
@@ -219,7 +238,8 @@ fn bounds_hold() {
         for i in 0..n {
             for j in 0..n {
                 let (s, t) = ((i as f64 + 0.5) / n as f64, (j as f64 + 0.5) / n as f64);
-                let point = polygon[0] + s * (polygon[1] - polygon[0]) + t * (polygon[3] - polygon[0]);
+                let point =
+                    polygon[0] + s * (polygon[1] - polygon[0]) + t * (polygon[3] - polygon[0]);
                 let l = point.normalize();
                 if l.z > 0.0 {
                     let density = oracle::ggx_ndf(DVec3::Z, view + l, f64::from(alpha))
@@ -236,11 +256,17 @@ fn bounds_hold() {
             continue;
         }
         // 5 % for the quadrature, which is coarse where a lobe is narrow and the polygon near.
-        assert!(lobe <= 1.05 * bound, "{lobe} > {bound} at alpha {alpha} for {corners:?}");
+        assert!(
+            lobe <= 1.05 * bound,
+            "{lobe} > {bound} at alpha {alpha} for {corners:?}"
+        );
         tightest_lobe = tightest_lobe.max(lobe / bound);
     }
     println!("largest share of the bound: Lambert {tightest:.3}, lobe {tightest_lobe:.3}");
     assert!(tightest > 0.5 && tightest_lobe > 0.2);
     // The table's m_inv of a wide lobe is the identity: the Lambert bound is a bound of that too.
-    assert_eq!(oracle::ltc_form_factor(&[DVec3::Z; 3], DMat3::IDENTITY), DVec3::ZERO);
+    assert_eq!(
+        oracle::ltc_form_factor(&[DVec3::Z; 3], DMat3::IDENTITY),
+        DVec3::ZERO
+    );
 }

@@ -7,7 +7,11 @@ use glam::{DVec3, Vec3};
 const MODULE: &str = "akari_math::ggx";
 
 fn mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: MODULE, from, to }
+    Mutation {
+        module: MODULE,
+        from,
+        to,
+    }
 }
 
 /// Normal, half vector within three alphas of it, alpha.
@@ -26,7 +30,11 @@ fn ndf_rows(seed: u64, n: usize, lo: f32, hi: f32) -> Vec<f32> {
 /// n.v, n.l, alpha.
 fn smith_rows(seed: u64, n: usize, lo: f32) -> Vec<f32> {
     rows(seed, n, |random, row| {
-        row.extend([random.log_range(lo, 0.0), random.log_range(lo, 0.0), random.log_range(-4.9, 0.0)]);
+        row.extend([
+            random.log_range(lo, 0.0),
+            random.log_range(lo, 0.0),
+            random.log_range(-4.9, 0.0),
+        ]);
     })
 }
 
@@ -47,7 +55,10 @@ fn lobe_edges() -> Vec<f32> {
     for alpha in [0.0, 1e-12, 1e-7, 1e-5, 1e-3, 0.5, 1.0] {
         for cosine in [-1.0_f32, 0.0, 1e-30, 1e-7, 1e-4, 1.0] {
             push3(&mut rows, Vec3::Z);
-            push3(&mut rows, Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine));
+            push3(
+                &mut rows,
+                Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine),
+            );
             rows.push(alpha);
         }
     }
@@ -79,24 +90,51 @@ pub fn cases() -> Vec<Case> {
                 let a = x[6].max(1e-5);
                 y.push(ggx::ggx_ndf(vec3(x, 0), vec3(x, 3), x[6]) * a * a);
             },
-            oracle: Some(|x, y| y.push({
-                let a = x[6].max(f64::from(ggx::MIN_ALPHA));
-                oracle::ggx_ndf(dvec3(x, 0), dvec3(x, 3), a) * a * a
-            })),
+            oracle: Some(|x, y| {
+                y.push({
+                    let a = x[6].max(f64::from(ggx::MIN_ALPHA));
+                    oracle::ggx_ndf(dvec3(x, 0), dvec3(x, 3), a) * a * a
+                });
+            }),
             domains: vec![
-                domain("α 0.1 to 1", ndf_rows(50, 800, -1.0, 0.0), absolute(1e-6), absolute(4e-7)),
-                domain("α 1e-5 to 0.1", ndf_rows(51, 800, -5.0, -1.0), absolute(1e-6), absolute(4e-7)),
-                domain("α below the floor", vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 0.6, 0.0, 0.8, 1e-8], absolute(1e-6), absolute(4e-7)),
+                domain(
+                    "α 0.1 to 1",
+                    ndf_rows(50, 800, -1.0, 0.0),
+                    absolute(1e-6),
+                    absolute(4e-7),
+                ),
+                domain(
+                    "α 1e-5 to 0.1",
+                    ndf_rows(51, 800, -5.0, -1.0),
+                    absolute(1e-6),
+                    absolute(4e-7),
+                ),
+                domain(
+                    "α below the floor",
+                    vec![
+                        0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 0.6, 0.0, 0.8, 1e-8,
+                    ],
+                    absolute(1e-6),
+                    absolute(4e-7),
+                ),
             ],
             mutations: vec![
                 mutation("scaled * scaled * INV_PI", "scaled * scaled * 0.318313"),
                 mutation("a * a * cosine * cosine", "a * a * cosine"),
-                mutation("cross(normal, half_vector - normal)", "cross(normal, half_vector - 0.9999 * normal) * 1.00001"),
+                mutation(
+                    "cross(normal, half_vector - normal)",
+                    "cross(normal, half_vector - 0.9999 * normal) * 1.00001",
+                ),
             ],
         },
         Case {
             module: MODULE,
-            functions: &["smith_masking", "smith_masking_shadowing", "smith_root", "smith_visibility"],
+            functions: &[
+                "smith_masking",
+                "smith_masking_shadowing",
+                "smith_root",
+                "smith_visibility",
+            ],
             imports: "",
             body: "y(0u, smith_masking(x(0u), x(2u)));
                 y(1u, smith_masking_shadowing(x(0u), x(1u), x(2u)));
@@ -122,18 +160,39 @@ pub fn cases() -> Vec<Case> {
                 ]);
             }),
             domains: vec![
-                domain("cosines 1e-6 to 1", smith_rows(52, 1000, -6.0), ulp(6), ulp(8)),
-                domain("cosines 0.5 to 1", smith_rows(53, 500, -0.301), ulp(6), ulp(8)),
+                domain(
+                    "cosines 1e-6 to 1",
+                    smith_rows(52, 1000, -6.0),
+                    ulp(6),
+                    ulp(8),
+                ),
+                domain(
+                    "cosines 0.5 to 1",
+                    smith_rows(53, 500, -0.301),
+                    ulp(6),
+                    ulp(8),
+                ),
             ],
             mutations: vec![
                 mutation("2.0 * c /", "2.00001 * c /"),
-                mutation("0.5 / max(l * smith_root(v, alpha)", "0.5 / max(l * smith_root(l, alpha)"),
-                mutation("1.0 - cosine * cosine, 0.0", "1.0001 - cosine * cosine, 0.0"),
+                mutation(
+                    "0.5 / max(l * smith_root(v, alpha)",
+                    "0.5 / max(l * smith_root(l, alpha)",
+                ),
+                mutation(
+                    "1.0 - cosine * cosine, 0.0",
+                    "1.0001 - cosine * cosine, 0.0",
+                ),
             ],
         },
         Case {
             module: MODULE,
-            functions: &["smith_masking", "smith_masking_shadowing", "smith_root", "smith_visibility"],
+            functions: &[
+                "smith_masking",
+                "smith_masking_shadowing",
+                "smith_root",
+                "smith_visibility",
+            ],
             imports: "",
             body: "y(0u, smith_masking(x(0u), x(2u)));
                 y(1u, smith_masking_shadowing(x(0u), x(1u), x(2u)));
@@ -152,11 +211,17 @@ pub fn cases() -> Vec<Case> {
             oracle: None,
             domains: vec![domain(
                 "horizon and mirror",
-                vec![0.0, 0.0, 0.5, -0.3, 0.5, 0.2, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0, 0.7, -1.0, 1e-9],
+                vec![
+                    0.0, 0.0, 0.5, -0.3, 0.5, 0.2, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0,
+                    0.7, -1.0, 1e-9,
+                ],
                 ulp(0),
                 ulp(8),
             )],
-            mutations: vec![mutation("let v = max(n_dot_v, 0.0)", "let v = max(n_dot_v, 0.1)"), mutation("MIN_ALPHA: f32 = 1e-5", "MIN_ALPHA: f32 = 1e-4")],
+            mutations: vec![
+                mutation("let v = max(n_dot_v, 0.0)", "let v = max(n_dot_v, 0.1)"),
+                mutation("MIN_ALPHA: f32 = 1e-5", "MIN_ALPHA: f32 = 1e-4"),
+            ],
         },
         Case {
             module: MODULE,
@@ -181,7 +246,10 @@ pub fn cases() -> Vec<Case> {
                 absolute(4e-7),
                 absolute(3e-7),
             )],
-            mutations: vec![mutation("m_squared * m_squared * m", "m_squared * m_squared"), mutation("1.0 - saturate(v_dot_h)", "1.0 - v_dot_h")],
+            mutations: vec![
+                mutation("m_squared * m_squared * m", "m_squared * m_squared"),
+                mutation("1.0 - saturate(v_dot_h)", "1.0 - v_dot_h"),
+            ],
         },
         Case {
             module: MODULE,
@@ -194,7 +262,10 @@ pub fn cases() -> Vec<Case> {
             inputs: 7,
             outputs: 7,
             twin: |x, y| {
-                push3(y, ggx::ggx_dominant_visible_normal(vec3(x, 0), vec3(x, 3), x[6]));
+                push3(
+                    y,
+                    ggx::ggx_dominant_visible_normal(vec3(x, 0), vec3(x, 3), x[6]),
+                );
                 let lobe = ggx::ggx_reflection_lobe(vec3(x, 0), vec3(x, 3), x[6]);
                 push3(y, lobe.axis);
                 y.push(lobe.inverse_sharpness);
@@ -206,13 +277,32 @@ pub fn cases() -> Vec<Case> {
                 y.push(v);
             }),
             domains: vec![
-                domain("view above the surface", lobe_rows(55, 1000, 0.02, 1.0, -3.0), absolute(3e-6), absolute(2e-6)),
-                domain("α 0.1 to 1, view below", lobe_rows(56, 300, -0.9, -0.02, -1.0), absolute(1e-4), absolute(1e-5)),
+                domain(
+                    "view above the surface",
+                    lobe_rows(55, 1000, 0.02, 1.0, -3.0),
+                    absolute(3e-6),
+                    absolute(2e-6),
+                ),
+                domain(
+                    "α 0.1 to 1, view below",
+                    lobe_rows(56, 300, -0.9, -0.02, -1.0),
+                    absolute(1e-4),
+                    absolute(1e-5),
+                ),
             ],
             mutations: vec![
-                mutation("alpha_squared * projected +", "1.0001 * alpha_squared * projected +"),
-                mutation("SHARPNESS_PER_ALPHA: f32 = 1.8", "SHARPNESS_PER_ALPHA: f32 = 1.81"),
-                mutation("2.0 * v_dot_m * m - view", "2.0 * v_dot_m * m - 1.0001 * view"),
+                mutation(
+                    "alpha_squared * projected +",
+                    "1.0001 * alpha_squared * projected +",
+                ),
+                mutation(
+                    "SHARPNESS_PER_ALPHA: f32 = 1.8",
+                    "SHARPNESS_PER_ALPHA: f32 = 1.81",
+                ),
+                mutation(
+                    "2.0 * v_dot_m * m - view",
+                    "2.0 * v_dot_m * m - 1.0001 * view",
+                ),
                 mutation("(4.0 * max(v_dot_m", "(4.001 * max(v_dot_m"),
             ],
         },
@@ -227,14 +317,25 @@ pub fn cases() -> Vec<Case> {
             inputs: 7,
             outputs: 7,
             twin: |x, y| {
-                push3(y, ggx::ggx_dominant_visible_normal(vec3(x, 0), vec3(x, 3), x[6]));
+                push3(
+                    y,
+                    ggx::ggx_dominant_visible_normal(vec3(x, 0), vec3(x, 3), x[6]),
+                );
                 let lobe = ggx::ggx_reflection_lobe(vec3(x, 0), vec3(x, 3), x[6]);
                 push3(y, lobe.axis);
                 y.push(lobe.inverse_sharpness);
             },
             oracle: None,
-            domains: vec![domain("mirror to rough, pole to horizon", lobe_edges(), ulp(0), absolute(1e-6))],
-            mutations: vec![mutation("MIN_V_DOT_M: f32 = 1e-4", "MIN_V_DOT_M: f32 = 1e-2")],
+            domains: vec![domain(
+                "mirror to rough, pole to horizon",
+                lobe_edges(),
+                ulp(0),
+                absolute(1e-6),
+            )],
+            mutations: vec![mutation(
+                "MIN_V_DOT_M: f32 = 1e-4",
+                "MIN_V_DOT_M: f32 = 1e-2",
+            )],
         },
     ]
 }
@@ -244,7 +345,10 @@ pub fn cases() -> Vec<Case> {
 fn reflection_lobe_is_bounded() {
     for row in lobe_edges().chunks_exact(7) {
         let lobe = ggx::ggx_reflection_lobe(vec3(row, 0), vec3(row, 3), row[6]);
-        assert!(lobe.inverse_sharpness >= 0.0 && lobe.inverse_sharpness <= 0.577, "{row:?}: {lobe:?}");
+        assert!(
+            lobe.inverse_sharpness >= 0.0 && lobe.inverse_sharpness <= 0.577,
+            "{row:?}: {lobe:?}"
+        );
         assert!((lobe.axis.length() - 1.0).abs() < 1e-5, "{row:?}: {lobe:?}");
     }
     let mirror = ggx::ggx_reflection_lobe(Vec3::Z, Vec3::new(0.6, 0.0, 0.8), 0.0);

@@ -19,7 +19,9 @@ fn quad(random: &mut Random, center: Vec3, size: f32, aspect: f32) -> Polygon {
     let normal = random.direction();
     let u = random.around(normal, std::f32::consts::FRAC_PI_2);
     let v = normal.cross(u);
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(s, t)| center + size * (s * u + aspect * t * v)).to_vec()
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(s, t)| center + size * (s * u + aspect * t * v))
+        .to_vec()
 }
 
 fn upper(random: &mut Random) -> Vec3 {
@@ -65,7 +67,9 @@ const CLASSES: &[(&str, Maker)] = &[
         loop {
             let center = upper(r);
             let polygon = quad(r, center, 1e4, 1.0);
-            let normal = (polygon[1] - polygon[0]).cross(polygon[3] - polygon[0]).normalize();
+            let normal = (polygon[1] - polygon[0])
+                .cross(polygon[3] - polygon[0])
+                .normalize();
             if normal.dot(center).abs() > 0.02 {
                 return polygon;
             }
@@ -81,15 +85,22 @@ const CLASSES: &[(&str, Maker)] = &[
         let polygon = quad(r, center, 0.5, 1.0);
         let lowest = polygon[0].z.min(polygon[1].z);
         let lift = r.range(-1e-6, 1e-6) - lowest;
-        polygon.into_iter().map(|v| v + Vec3::new(0.0, 0.0, lift)).collect()
+        polygon
+            .into_iter()
+            .map(|v| v + Vec3::new(0.0, 0.0, lift))
+            .collect()
     }),
     ("near plane 1e-3", |r| {
         let shift = Vec3::new(r.range(-0.2, 0.2), r.range(-0.2, 0.2), 1e-3);
-        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0) + shift).to_vec()
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| Vec3::new(x, y, 0.0) + shift)
+            .to_vec()
     }),
     ("near plane 1e-6", |r| {
         let shift = Vec3::new(r.range(-0.2, 0.2), r.range(-0.2, 0.2), 1e-6);
-        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.2), (-1.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0) + shift).to_vec()
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.2), (-1.0, 1.0)]
+            .map(|(x, y)| Vec3::new(x, y, 0.0) + shift)
+            .to_vec()
     }),
     ("sliver 1e-4", |r| {
         let center = upper(r);
@@ -109,7 +120,9 @@ const CLASSES: &[(&str, Maker)] = &[
         star(r, center, 0.7)
     }),
     ("on the light's plane", |r| {
-        [(0.2, 0.1), (1.2, 0.1), (1.2, 1.0), (0.2, 1.0)].map(|(y, z)| Vec3::new(r.range(0.0, 1e-7), y + 0.3, z)).to_vec()
+        [(0.2, 0.1), (1.2, 0.1), (1.2, 1.0), (0.2, 1.0)]
+            .map(|(y, z)| Vec3::new(r.range(0.0, 1e-7), y + 0.3, z))
+            .to_vec()
     }),
     ("1e-7 m", |r| {
         let (center, size) = (upper(r) * 1e-7, 5e-8);
@@ -134,20 +147,29 @@ fn transforms() -> [(&'static str, Mat3); 3] {
 
 fn polygons(class: usize) -> Vec<Polygon> {
     let mut random = Random::new(100 + class as u64);
-    (0..POLYGONS).map(|_| CLASSES[class].1(&mut random)).collect()
+    (0..POLYGONS)
+        .map(|_| CLASSES[class].1(&mut random))
+        .collect()
 }
 
 fn exact(polygon: &[Vec3], m_inv: Mat3) -> [f64; 2] {
     let vertices: Vec<DVec3> = polygon.iter().map(|v| v.as_dvec3()).collect();
-    [oracle::form_factor(&vertices).z, oracle::ltc_form_factor(&vertices, m_inv.as_dmat3()).z]
+    [
+        oracle::form_factor(&vertices).z,
+        oracle::ltc_form_factor(&vertices, m_inv.as_dmat3()).z,
+    ]
 }
 
 fn on_cpu(polygon: &[Vec3], m_inv: Mat3) -> [f32; 2] {
-    [polygon::form_factor(polygon).z, polygon::ltc_form_factor(polygon, m_inv).z]
+    [
+        polygon::form_factor(polygon).z,
+        polygon::ltc_form_factor(polygon, m_inv).z,
+    ]
 }
 
 /// Corners at `x(0)`, how many at `x(24)`, `M^-1` from `x(25)`.
-const HEADER: &str = "#import akari_math::ltc::polygon::{ltc_polygon_new, ltc_polygon_add_edge, ltc_polygon_close}
+const HEADER: &str =
+    "#import akari_math::ltc::polygon::{ltc_polygon_new, ltc_polygon_add_edge, ltc_polygon_close}
 fn corner(i: u32) -> vec3<f32> { return vec3<f32>(x(3u * i), x(3u * i + 1u), x(3u * i + 2u)); }";
 const BODY: &str = "
     let m_inv = mat3x3<f32>(vec3<f32>(x(25u), x(26u), x(27u)), vec3<f32>(x(28u), x(29u), x(30u)), vec3<f32>(x(31u), x(32u), x(33u)));
@@ -170,7 +192,11 @@ fn row(polygon: &[Vec3], m_inv: Mat3) -> Vec<f32> {
 
 fn worst(actual: &[f32], expected: &[f64]) -> f64 {
     assert!(actual.iter().all(|y| y.is_finite()), "not finite");
-    actual.iter().zip(expected).map(|(&a, &e)| (f64::from(a) - e).abs()).fold(0.0, f64::max)
+    actual
+        .iter()
+        .zip(expected)
+        .map(|(&a, &e)| (f64::from(a) - e).abs())
+        .fold(0.0, f64::max)
 }
 
 #[test]
@@ -185,12 +211,25 @@ fn hard_classes() {
             let mut figures = vec![("CPU", worst(&twin, &expected))];
             if let Some(gpu) = gpu {
                 let input: Vec<f32> = polygons.iter().flat_map(|p| row(p, m_inv)).collect();
-                let kernel = Kernel { header: HEADER, body: BODY, inputs: 34, outputs: 2 };
-                let output = run_kernel(gpu, WGSL_MODULES, &kernel, &input).unwrap_or_else(|error| panic!("{error}"));
+                let kernel = Kernel {
+                    header: HEADER,
+                    body: BODY,
+                    inputs: 34,
+                    outputs: 2,
+                };
+                let output = run_kernel(gpu, WGSL_MODULES, &kernel, &input)
+                    .unwrap_or_else(|error| panic!("{error}"));
                 figures.push(("GPU", worst(&output, &expected)));
                 figures.push(("GPU - CPU", worst(&output, &widen(&twin))));
             }
-            println!("{name}, {transform}: {}", figures.iter().map(|(w, e)| format!("{w} {e:.2e}")).collect::<Vec<_>>().join(", "));
+            println!(
+                "{name}, {transform}: {}",
+                figures
+                    .iter()
+                    .map(|(w, e)| format!("{w} {e:.2e}"))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            );
             for (where_, error) in figures {
                 if error > MAX_ERROR {
                     failures.push(format!("{name}, {transform}, {where_}: {error:.2e}"));
@@ -198,26 +237,57 @@ fn hard_classes() {
             }
         }
     }
-    assert!(failures.is_empty(), "above {MAX_ERROR:e}:\n{}", failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "above {MAX_ERROR:e}:\n{}",
+        failures.join("\n")
+    );
 }
 
 /// The middle point of long edges along the horizon is what keeps large lights within the bound.
 #[test]
 fn huge_lights_need_the_middle_point() {
-    let Some(gpu) = gpu_or_skip("huge_lights_need_the_middle_point") else { return };
-    let class = CLASSES.iter().position(|(name, _)| *name == "huge 1e4").expect("class");
+    let Some(gpu) = gpu_or_skip("huge_lights_need_the_middle_point") else {
+        return;
+    };
+    let class = CLASSES
+        .iter()
+        .position(|(name, _)| *name == "huge 1e4")
+        .expect("class");
     let (_, m_inv) = transforms()[1];
     let polygons = polygons(class);
     let expected: Vec<f64> = polygons.iter().flat_map(|p| exact(p, m_inv)).collect();
     let input: Vec<f32> = polygons.iter().flat_map(|p| row(p, m_inv)).collect();
     let mutated: Vec<(&str, String)> = WGSL_MODULES
         .iter()
-        .map(|(path, source)| (*path, source.replace("let is_long = previous.z == 0.0", "let is_long = previous.z > 1.0")))
+        .map(|(path, source)| {
+            (
+                *path,
+                source.replace(
+                    "let is_long = previous.z == 0.0",
+                    "let is_long = previous.z > 1.0",
+                ),
+            )
+        })
         .collect();
-    assert!(mutated.iter().zip(WGSL_MODULES).any(|((_, mutated), (_, source))| mutated != source));
-    let modules: Vec<(&str, &str)> = mutated.iter().map(|(path, source)| (*path, source.as_str())).collect();
-    let kernel = Kernel { header: HEADER, body: BODY, inputs: 34, outputs: 2 };
-    let output = run_kernel(gpu, &modules, &kernel, &input).unwrap_or_else(|error| panic!("{error}"));
+    assert!(
+        mutated
+            .iter()
+            .zip(WGSL_MODULES)
+            .any(|((_, mutated), (_, source))| mutated != source)
+    );
+    let modules: Vec<(&str, &str)> = mutated
+        .iter()
+        .map(|(path, source)| (*path, source.as_str()))
+        .collect();
+    let kernel = Kernel {
+        header: HEADER,
+        body: BODY,
+        inputs: 34,
+        outputs: 2,
+    };
+    let output =
+        run_kernel(gpu, &modules, &kernel, &input).unwrap_or_else(|error| panic!("{error}"));
     let error = worst(&output, &expected);
     assert!(error > 10.0 * MAX_ERROR, "{error:e}");
 }
@@ -231,7 +301,10 @@ fn hard_classes_fail_naive_forms() {
             let angle = a.dot(b).acos();
             b.cross(a).z * angle / angle.sin()
         };
-        (0..unit.len()).map(|i| edge(unit[i], unit[(i + 1) % unit.len()])).sum::<f32>() / std::f32::consts::TAU
+        (0..unit.len())
+            .map(|i| edge(unit[i], unit[(i + 1) % unit.len()]))
+            .sum::<f32>()
+            / std::f32::consts::TAU
     };
     let mut failing = 0;
     for class in [2, 3, 4] {
@@ -252,7 +325,11 @@ fn lobes_magnify_rounding() {
     for alpha in [0.3_f32, 0.1, 0.01, 1e-3] {
         let (sine, cosine) = 0.8_f32.sin_cos();
         // A cosine of width alpha about a direction 0.8 rad from the normal.
-        let rotation = Mat3::from_cols(Vec3::new(cosine, 0.0, -sine), Vec3::Y, Vec3::new(sine, 0.0, cosine));
+        let rotation = Mat3::from_cols(
+            Vec3::new(cosine, 0.0, -sine),
+            Vec3::Y,
+            Vec3::new(sine, 0.0, cosine),
+        );
         let m = rotation * Mat3::from_diagonal(Vec3::new(alpha, alpha, 1.0));
         let inverse = m.inverse();
         let m_inv = inverse * (1.0 / inverse.y_axis.y);
@@ -266,7 +343,10 @@ fn lobes_magnify_rounding() {
             error = error.max((f64::from(value) - exact(&polygon, m_inv)[1]).abs());
         }
         println!("alpha {alpha}: {error:.2e}");
-        assert!(error <= 5e-7 + 2e-7 / f64::from(alpha), "alpha {alpha}: {error:e}");
+        assert!(
+            error <= 5e-7 + 2e-7 / f64::from(alpha),
+            "alpha {alpha}: {error:e}"
+        );
     }
 }
 
@@ -304,22 +384,42 @@ fn degenerate_polygons() {
     let m_inv = ltc_m_inv(Vec4::new(0.9, -0.5, 0.25, 0.45));
     let singular = Mat3::from_cols(Vec3::ZERO, Vec3::Y, Vec3::ZERO);
     let check = |output: [f32; 2], polygon: &Polygon, zero: bool, where_: &str| {
-        assert!(output.iter().all(|v| v.is_finite() && v.abs() <= 1.0 + 1e-6), "{where_} {polygon:?}: {output:?}");
+        assert!(
+            output
+                .iter()
+                .all(|v| v.is_finite() && v.abs() <= 1.0 + 1e-6),
+            "{where_} {polygon:?}: {output:?}"
+        );
         if zero {
-            assert!(output.iter().all(|v| v.abs() < 1e-7), "{where_} {polygon:?}: {output:?}");
+            assert!(
+                output.iter().all(|v| v.abs() < 1e-7),
+                "{where_} {polygon:?}: {output:?}"
+            );
         }
     };
     let mut input = Vec::new();
-    let all: Vec<(&Polygon, bool)> = nothing.iter().map(|p| (p, true)).chain(finite.iter().map(|p| (p, false))).collect();
+    let all: Vec<(&Polygon, bool)> = nothing
+        .iter()
+        .map(|p| (p, true))
+        .chain(finite.iter().map(|p| (p, false)))
+        .collect();
     for m_inv in [Mat3::IDENTITY, m_inv, singular, Mat3::ZERO] {
         for (polygon, zero) in &all {
             check(on_cpu(polygon, m_inv), polygon, *zero, "CPU");
             input.extend(row(polygon, m_inv));
         }
     }
-    let Some(gpu) = gpu_or_skip("degenerate_polygons on the GPU") else { return };
-    let kernel = Kernel { header: HEADER, body: BODY, inputs: 34, outputs: 2 };
-    let output = run_kernel(gpu, WGSL_MODULES, &kernel, &input).unwrap_or_else(|error| panic!("{error}"));
+    let Some(gpu) = gpu_or_skip("degenerate_polygons on the GPU") else {
+        return;
+    };
+    let kernel = Kernel {
+        header: HEADER,
+        body: BODY,
+        inputs: 34,
+        outputs: 2,
+    };
+    let output =
+        run_kernel(gpu, WGSL_MODULES, &kernel, &input).unwrap_or_else(|error| panic!("{error}"));
     for (output, (polygon, zero)) in output.chunks_exact(2).zip(all.iter().cycle()) {
         check([output[0], output[1]], polygon, *zero, "GPU");
     }
@@ -331,5 +431,9 @@ fn the_oracle_covers_the_hemisphere() {
     let r = 1e9;
     let square = [(r, r), (r, -r), (-r, -r), (-r, r)].map(|(x, y)| DVec3::new(x, y, 1.0));
     assert!((oracle::form_factor(&square).z - 1.0).abs() < 1e-8);
-    assert!((oracle::ltc_form_factor(&square, DMat3::from_diagonal(DVec3::new(3.0, 1.0, 0.5))).z - 1.0).abs() < 1e-8);
+    assert!(
+        (oracle::ltc_form_factor(&square, DMat3::from_diagonal(DVec3::new(3.0, 1.0, 0.5))).z - 1.0)
+            .abs()
+            < 1e-8
+    );
 }

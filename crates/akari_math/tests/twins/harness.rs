@@ -19,7 +19,10 @@ pub const fn ulp(ulp: u32) -> Budget {
 
 /// Units in the last place of `scale`: for results that come out of a cancellation between numbers of that size.
 pub const fn ulp_of(ulp: u32, scale: f64) -> Budget {
-    Budget { ulp: 0, absolute: ulp as f64 * scale * 1.192_092_9e-7 }
+    Budget {
+        ulp: 0,
+        absolute: ulp as f64 * scale * 1.192_092_9e-7,
+    }
 }
 
 pub const fn absolute(absolute: f64) -> Budget {
@@ -38,7 +41,12 @@ pub struct Domain {
 }
 
 pub fn domain(name: &'static str, rows: Vec<f32>, accuracy: Budget, device: Budget) -> Domain {
-    Domain { name, rows, accuracy, device }
+    Domain {
+        name,
+        rows,
+        accuracy,
+        device,
+    }
 }
 
 /// A change of the source that the budgets must notice.
@@ -83,18 +91,30 @@ fn y_bits(i: u32, bits: u32) { y(i, f32(bits & 0xffffu)); y(i + 1u, f32(bits >> 
 
 impl Case {
     pub fn name(&self) -> String {
-        format!("{}::{}", self.module.trim_start_matches("akari_math::"), self.functions[0])
+        format!(
+            "{}::{}",
+            self.module.trim_start_matches("akari_math::"),
+            self.functions[0]
+        )
     }
 
     pub fn input(&self) -> Vec<f32> {
-        self.domains.iter().flat_map(|domain| domain.rows.iter().copied()).collect()
+        self.domains
+            .iter()
+            .flat_map(|domain| domain.rows.iter().copied())
+            .collect()
     }
 
     pub fn twin_output(&self) -> Vec<f32> {
         let mut output = Vec::new();
         for (index, row) in self.input().chunks_exact(self.inputs).enumerate() {
             (self.twin)(row, &mut output);
-            assert_eq!(output.len(), (index + 1) * self.outputs, "{}: outputs of the twin", self.name());
+            assert_eq!(
+                output.len(),
+                (index + 1) * self.outputs,
+                "{}: outputs of the twin",
+                self.name()
+            );
         }
         output
     }
@@ -110,16 +130,30 @@ impl Case {
     }
 
     /// Runs the WGSL, with a mutation where one is given.
-    pub fn device_output(&self, gpu: &Gpu, mutation: Option<&Mutation>) -> Result<Vec<f32>, KernelError> {
+    pub fn device_output(
+        &self,
+        gpu: &Gpu,
+        mutation: Option<&Mutation>,
+    ) -> Result<Vec<f32>, KernelError> {
         let mutated: Option<String> = mutation.map(|mutation| {
-            let (_, source) = WGSL_MODULES.iter().find(|(path, _)| *path == mutation.module).expect("module");
-            assert!(source.contains(mutation.from), "{}: nothing to mutate: {}", self.name(), mutation.from);
+            let (_, source) = WGSL_MODULES
+                .iter()
+                .find(|(path, _)| *path == mutation.module)
+                .expect("module");
+            assert!(
+                source.contains(mutation.from),
+                "{}: nothing to mutate: {}",
+                self.name(),
+                mutation.from
+            );
             source.replacen(mutation.from, mutation.to, 1)
         });
         let modules: Vec<(&str, &str)> = WGSL_MODULES
             .iter()
             .map(|&(path, source)| match (&mutated, mutation) {
-                (Some(mutated), Some(mutation)) if mutation.module == path => (path, mutated.as_str()),
+                (Some(mutated), Some(mutation)) if mutation.module == path => {
+                    (path, mutated.as_str())
+                }
                 _ => (path, source),
             })
             .collect();
@@ -129,7 +163,12 @@ impl Case {
             self.functions.join(", "),
             self.imports
         );
-        let kernel = Kernel { header: &header, body: self.body, inputs: self.inputs, outputs: self.outputs };
+        let kernel = Kernel {
+            header: &header,
+            body: self.body,
+            inputs: self.inputs,
+            outputs: self.outputs,
+        };
         run_kernel(gpu, &modules, &kernel, &self.input())
     }
 
@@ -139,7 +178,13 @@ impl Case {
         self.domains
             .iter()
             .map(|domain| {
-                assert_eq!(domain.rows.len() % self.inputs, 0, "{}: rows of {}", self.name(), domain.name);
+                assert_eq!(
+                    domain.rows.len() % self.inputs,
+                    0,
+                    "{}: rows of {}",
+                    self.name(),
+                    domain.name
+                );
                 let end = start + domain.rows.len() / self.inputs * self.outputs;
                 let range = start..end;
                 start = end;
@@ -159,9 +204,16 @@ pub fn violation(actual: &[f32], expected: &[f64], budget: Budget) -> Option<(us
             continue;
         }
         count += 1;
-        let size = if a.is_finite() { difference } else { f64::INFINITY };
+        let size = if a.is_finite() {
+            difference
+        } else {
+            f64::INFINITY
+        };
         if worst.as_ref().is_none_or(|(worst, _)| size > *worst) {
-            worst = Some((size, format!("{a:e} for {e:e} at output {index} ({distance} ULP)")));
+            worst = Some((
+                size,
+                format!("{a:e} for {e:e} at output {index} ({distance} ULP)"),
+            ));
         }
     }
     worst.map(|(_, text)| (count, text))
@@ -175,7 +227,7 @@ pub fn figures(actual: &[f32], expected: &[f64]) -> CompareReport {
     compare(actual, expected)
 }
 
-/// Numbers without a pattern, the same in every run (Steele et al. 2014, SplitMix64).
+/// Numbers without a pattern, the same in every run (`SplitMix64`, Steele et al. 2014).
 pub struct Random(u64);
 
 impl Random {
@@ -204,7 +256,11 @@ impl Random {
     /// Unit vector, uniform on the sphere.
     pub fn direction(&mut self) -> Vec3 {
         loop {
-            let v = Vec3::new(self.range(-1.0, 1.0), self.range(-1.0, 1.0), self.range(-1.0, 1.0));
+            let v = Vec3::new(
+                self.range(-1.0, 1.0),
+                self.range(-1.0, 1.0),
+                self.range(-1.0, 1.0),
+            );
             if v.length_squared() < 1.0 && v.length_squared() > 0.01 {
                 return v.normalize();
             }

@@ -12,17 +12,33 @@ fn naga_layout(module: &str, name: &str) -> (u64, Vec<(String, u64)>) {
         if let naga::TypeInner::Struct { members, span } = &r#type.inner
             && r#type.name.as_deref() == Some(name)
         {
-            let offsets = members.iter().map(|m| (m.name.clone().unwrap_or_default(), u64::from(m.offset))).collect();
+            let offsets = members
+                .iter()
+                .map(|m| (m.name.clone().unwrap_or_default(), u64::from(m.offset)))
+                .collect();
             return (u64::from(*span), offsets);
         }
     }
     panic!("no struct {name}");
 }
 
-fn check<T: ShaderType + encase::internal::WriteInto>(module: &str, name: &str, fields: &[&str], value: &T, marks: &[f32]) {
+fn check<T: ShaderType + encase::internal::WriteInto>(
+    module: &str,
+    name: &str,
+    fields: &[&str],
+    value: &T,
+    marks: &[f32],
+) {
     let (span, offsets) = naga_layout(module, name);
     assert_eq!(span, T::min_size().get(), "size of {name}");
-    assert_eq!(offsets.iter().map(|(field, _)| field.as_str()).collect::<Vec<_>>(), fields, "fields of {name}");
+    assert_eq!(
+        offsets
+            .iter()
+            .map(|(field, _)| field.as_str())
+            .collect::<Vec<_>>(),
+        fields,
+        "fields of {name}"
+    );
     let mut buffer = encase::StorageBuffer::new(Vec::<u8>::new());
     buffer.write(value).expect("write");
     let bytes = buffer.into_inner();
@@ -36,24 +52,58 @@ fn check<T: ShaderType + encase::internal::WriteInto>(module: &str, name: &str, 
 #[test]
 fn structs_have_one_layout() {
     let axis = glam::Vec3::new(1.0, 2.0, 3.0);
-    let lobe = SgLobe { axis, sharpness: 4.0, amplitude: glam::Vec3::new(5.0, 6.0, 7.0) };
-    check("akari_math::sg::lobe", "SgLobe", &["axis", "sharpness", "amplitude"], &lobe, &[1.0, 4.0, 5.0]);
-    let product = SgProduct { axis, sharpness: 4.0, log_amplitude: 5.0 };
-    check("akari_math::sg::lobe", "SgProduct", &["axis", "sharpness", "log_amplitude"], &product, &[1.0, 4.0, 5.0]);
+    let lobe = SgLobe {
+        axis,
+        sharpness: 4.0,
+        amplitude: glam::Vec3::new(5.0, 6.0, 7.0),
+    };
+    check(
+        "akari_math::sg::lobe",
+        "SgLobe",
+        &["axis", "sharpness", "amplitude"],
+        &lobe,
+        &[1.0, 4.0, 5.0],
+    );
+    let product = SgProduct {
+        axis,
+        sharpness: 4.0,
+        log_amplitude: 5.0,
+    };
+    check(
+        "akari_math::sg::lobe",
+        "SgProduct",
+        &["axis", "sharpness", "log_amplitude"],
+        &product,
+        &[1.0, 4.0, 5.0],
+    );
 }
 
 #[test]
 #[should_panic(expected = "SgLobe.sharpness")]
 fn another_layout_is_noticed() {
-    let lobe = SgLobe { axis: glam::Vec3::ONE, sharpness: 4.0, amplitude: glam::Vec3::ONE };
-    check("akari_math::sg::lobe", "SgLobe", &["axis", "sharpness", "amplitude"], &lobe, &[1.0, 3.0, 1.0]);
+    let lobe = SgLobe {
+        axis: glam::Vec3::ONE,
+        sharpness: 4.0,
+        amplitude: glam::Vec3::ONE,
+    };
+    check(
+        "akari_math::sg::lobe",
+        "SgLobe",
+        &["axis", "sharpness", "amplitude"],
+        &lobe,
+        &[1.0, 3.0, 1.0],
+    );
 }
 
 /// Every module is valid on its own, with no entry points, bindings or workgroup memory.
 #[test]
 fn modules_are_pure() {
     for (path, _) in WGSL_MODULES {
-        let module = compose_module(WGSL_MODULES, path).unwrap_or_else(|error| panic!("{path}: {error}"));
-        assert!(module.global_variables.is_empty() && module.entry_points.is_empty(), "{path} is not pure");
+        let module =
+            compose_module(WGSL_MODULES, path).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert!(
+            module.global_variables.is_empty() && module.entry_points.is_empty(),
+            "{path} is not pure"
+        );
     }
 }

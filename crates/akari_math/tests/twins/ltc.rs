@@ -35,7 +35,12 @@ fn triangles(seed: u64, n: usize, z_lo: f32, z_hi: f32) -> Vec<f32> {
             v.z = random.range(z_lo, z_hi);
             push3(row, v);
         }
-        let m_inv = lookup::ltc_m_inv(Vec4::new(random.range(0.5, 1.5), random.range(-0.4, 0.4), random.range(-0.4, 0.4), random.range(0.3, 1.2)));
+        let m_inv = lookup::ltc_m_inv(Vec4::new(
+            random.range(0.5, 1.5),
+            random.range(-0.4, 0.4),
+            random.range(-0.4, 0.4),
+            random.range(0.3, 1.2),
+        ));
         row.extend(m_inv.to_cols_array());
     })
 }
@@ -43,7 +48,12 @@ fn triangles(seed: u64, n: usize, z_lo: f32, z_hi: f32) -> Vec<f32> {
 /// Axis in cosine space, texel, centre, normal, texture axes, area. The ray meets the light for a positive `sign`.
 fn image_rows(seed: u64, n: usize, sign: f32) -> Vec<f32> {
     rows(seed, n, |random, row| {
-        let texel = Vec4::new(random.range(0.5, 1.5), random.range(-0.4, 0.4), random.range(-0.4, 0.4), random.range(0.4, 1.2));
+        let texel = Vec4::new(
+            random.range(0.5, 1.5),
+            random.range(-0.4, 0.4),
+            random.range(-0.4, 0.4),
+            random.range(0.4, 1.2),
+        );
         let (axis, center, normal) = loop {
             let axis = random.direction() * random.range(0.1, 1.0);
             let center = random.direction() * random.range(0.5, 3.0);
@@ -61,7 +71,11 @@ fn image_rows(seed: u64, n: usize, sign: f32) -> Vec<f32> {
         // Spans the image over the ten metres about the centre, so that nothing is clamped.
         let u = random.around(normal, std::f32::consts::FRAC_PI_2);
         let v = normal.cross(u);
-        row.extend([0.05 * u, 0.05 * v].into_iter().flat_map(|axis| [axis.x, axis.y, axis.z, 0.5]));
+        row.extend(
+            [0.05 * u, 0.05 * v]
+                .into_iter()
+                .flat_map(|axis| [axis.x, axis.y, axis.z, 0.5]),
+        );
         row.push(random.range(1.0, 400.0));
     })
 }

@@ -2,8 +2,8 @@
 
 mod bounds;
 mod ggx;
-mod harness;
 mod hard_classes;
+mod harness;
 mod layout;
 mod ltc;
 mod packing;
@@ -34,12 +34,17 @@ const ELSEWHERE: &[(&str, &str)] = &[];
 fn every_function_is_in_the_table() {
     let covered: BTreeSet<(String, String)> = table()
         .iter()
-        .flat_map(|case| case.functions.iter().map(|function| (case.module.to_owned(), (*function).to_owned())))
+        .flat_map(|case| {
+            case.functions
+                .iter()
+                .map(|function| (case.module.to_owned(), (*function).to_owned()))
+        })
         .collect();
     let mut missing = Vec::new();
     let mut existing = BTreeSet::new();
     for (path, _) in WGSL_MODULES {
-        let functions = module_functions(WGSL_MODULES, path).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let functions =
+            module_functions(WGSL_MODULES, path).unwrap_or_else(|error| panic!("{path}: {error}"));
         for function in functions {
             let elsewhere = ELSEWHERE.iter().any(|(module, _)| module == path);
             if !elsewhere && !covered.contains(&((*path).to_owned(), function.clone())) {
@@ -48,9 +53,15 @@ fn every_function_is_in_the_table() {
             existing.insert(((*path).to_owned(), function));
         }
     }
-    assert!(missing.is_empty(), "without a row in the twin table: {missing:?}");
+    assert!(
+        missing.is_empty(),
+        "without a row in the twin table: {missing:?}"
+    );
     let gone: Vec<_> = covered.difference(&existing).collect();
-    assert!(gone.is_empty(), "in the twin table, but not in the WGSL: {gone:?}");
+    assert!(
+        gone.is_empty(),
+        "in the twin table, but not in the WGSL: {gone:?}"
+    );
 }
 
 #[test]
@@ -70,16 +81,25 @@ fn rust_twins_are_accurate() {
             let (actual, expected) = (&twin[range.clone()], &oracle[range]);
             println!("{name}: {}", figures(actual, expected));
             if let Some((count, worst)) = violation(actual, expected, domain.accuracy) {
-                failures.push(format!("{name}: {count} out of {:?}; worst {worst}", domain.accuracy));
+                failures.push(format!(
+                    "{name}: {count} out of {:?}; worst {worst}",
+                    domain.accuracy
+                ));
             }
         }
     }
-    assert!(failures.is_empty(), "twins off their oracle:\n{}", failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "twins off their oracle:\n{}",
+        failures.join("\n")
+    );
 }
 
 #[test]
 fn wgsl_agrees_with_the_rust_twins() {
-    let Some(gpu) = gpu_or_skip("wgsl_agrees_with_the_rust_twins") else { return };
+    let Some(gpu) = gpu_or_skip("wgsl_agrees_with_the_rust_twins") else {
+        return;
+    };
     let mut failures = Vec::new();
     for case in table() {
         let expected = widen(&case.twin_output());
@@ -95,17 +115,26 @@ fn wgsl_agrees_with_the_rust_twins() {
             let (actual, expected) = (&actual[range.clone()], &expected[range]);
             println!("{name}: {}", figures(actual, expected));
             if let Some((count, worst)) = violation(actual, expected, domain.device) {
-                failures.push(format!("{name}: {count} out of {:?}; worst {worst}", domain.device));
+                failures.push(format!(
+                    "{name}: {count} out of {:?}; worst {worst}",
+                    domain.device
+                ));
             }
         }
     }
-    assert!(failures.is_empty(), "WGSL off its twin:\n{}", failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "WGSL off its twin:\n{}",
+        failures.join("\n")
+    );
 }
 
 /// Each mutation must be noticed by some budget, and each budget must notice some mutation.
 #[test]
 fn every_budget_can_fail() {
-    let Some(gpu) = gpu_or_skip("every_budget_can_fail") else { return };
+    let Some(gpu) = gpu_or_skip("every_budget_can_fail") else {
+        return;
+    };
     let mut failures = Vec::new();
     let mut mutations = 0;
     for case in table() {
@@ -124,7 +153,12 @@ fn every_budget_can_fail() {
             };
             let mut any = false;
             for (noticed, (domain, range)) in noticed.iter_mut().zip(&ranges) {
-                let fails = violation(&actual[range.clone()], &expected[range.clone()], domain.device).is_some();
+                let fails = violation(
+                    &actual[range.clone()],
+                    &expected[range.clone()],
+                    domain.device,
+                )
+                .is_some();
                 *noticed |= fails;
                 any |= fails;
             }
@@ -134,10 +168,18 @@ fn every_budget_can_fail() {
         }
         for (noticed, (domain, _)) in noticed.iter().zip(&ranges) {
             if !noticed {
-                failures.push(format!("{} [{}]: no mutation fails this budget", case.name(), domain.name));
+                failures.push(format!(
+                    "{} [{}]: no mutation fails this budget",
+                    case.name(),
+                    domain.name
+                ));
             }
         }
     }
     println!("{mutations} mutations");
-    assert!(failures.is_empty(), "budgets that cannot fail:\n{}", failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "budgets that cannot fail:\n{}",
+        failures.join("\n")
+    );
 }

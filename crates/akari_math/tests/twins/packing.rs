@@ -8,11 +8,19 @@ const OCTAHEDRAL: &str = "akari_math::octahedral";
 const LOBE: &str = "akari_math::lobe_packing";
 
 fn octahedral_mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: OCTAHEDRAL, from, to }
+    Mutation {
+        module: OCTAHEDRAL,
+        from,
+        to,
+    }
 }
 
 fn lobe_mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: LOBE, from, to }
+    Mutation {
+        module: LOBE,
+        from,
+        to,
+    }
 }
 
 fn directions(seed: u64, n: usize, sign: f32) -> Vec<f32> {
@@ -25,7 +33,13 @@ fn directions(seed: u64, n: usize, sign: f32) -> Vec<f32> {
 
 fn axes() -> Vec<f32> {
     let mut rows = vec![0.0; 3];
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, -1.0, -1.0)] {
+    for axis in [
+        Vec3::X,
+        Vec3::Y,
+        Vec3::Z,
+        Vec3::new(1.0, 1.0, 0.0),
+        Vec3::new(1.0, -1.0, -1.0),
+    ] {
         push3(&mut rows, axis);
         push3(&mut rows, -axis);
     }
@@ -60,8 +74,18 @@ pub fn cases() -> Vec<Case> {
             },
             oracle: None,
             domains: vec![
-                domain("upper half", directions(60, 500, 1.0), ulp(0), absolute(4e-7)),
-                domain("lower half", directions(61, 500, -1.0), ulp(0), absolute(4e-7)),
+                domain(
+                    "upper half",
+                    directions(60, 500, 1.0),
+                    ulp(0),
+                    absolute(4e-7),
+                ),
+                domain(
+                    "lower half",
+                    directions(61, 500, -1.0),
+                    ulp(0),
+                    absolute(4e-7),
+                ),
                 domain("axes", axes(), ulp(0), absolute(4e-7)),
             ],
             mutations: vec![
@@ -84,11 +108,24 @@ pub fn cases() -> Vec<Case> {
             oracle: None,
             domains: vec![
                 // The encoded number may be rounded the other way where it is half a step.
-                domain("directions", directions(62, 500, 1.0), ulp(0), absolute(1.0)),
-                domain("lower half", directions(63, 500, -1.0), ulp(0), absolute(1.0)),
+                domain(
+                    "directions",
+                    directions(62, 500, 1.0),
+                    ulp(0),
+                    absolute(1.0),
+                ),
+                domain(
+                    "lower half",
+                    directions(63, 500, -1.0),
+                    ulp(0),
+                    absolute(1.0),
+                ),
                 domain("axes", axes(), ulp(0), absolute(0.0)),
             ],
-            mutations: vec![octahedral_mutation("SNORM_MAX + 0.5", "SNORM_MAX + 2.6"), octahedral_mutation("& 0xffffu", "& 0x7fffu")],
+            mutations: vec![
+                octahedral_mutation("SNORM_MAX + 0.5", "SNORM_MAX + 2.6"),
+                octahedral_mutation("& 0xffffu", "& 0x7fffu"),
+            ],
         },
         Case {
             module: OCTAHEDRAL,
@@ -107,11 +144,23 @@ pub fn cases() -> Vec<Case> {
             domains: vec![
                 domain(
                     "any bits",
-                    rows(64, 500, |random, row| row.extend([random.range(0.0, 65536.0).floor(), random.range(0.0, 65536.0).floor()])),
+                    rows(64, 500, |random, row| {
+                        row.extend([
+                            random.range(0.0, 65536.0).floor(),
+                            random.range(0.0, 65536.0).floor(),
+                        ]);
+                    }),
                     ulp(0),
                     absolute(3e-7),
                 ),
-                domain("ends of the range", vec![0.0, 0.0, 32767.0, 0.0, 32768.0, 0.0, 65535.0, 32769.0, 32769.0, 32769.0], ulp(0), absolute(2e-7)),
+                domain(
+                    "ends of the range",
+                    vec![
+                        0.0, 0.0, 32767.0, 0.0, 32768.0, 0.0, 65535.0, 32769.0, 32769.0, 32769.0,
+                    ],
+                    ulp(0),
+                    absolute(2e-7),
+                ),
             ],
             mutations: vec![
                 octahedral_mutation("f32(integer) / SNORM_MAX", "f32(integer) / 32768.0"),
@@ -125,27 +174,67 @@ pub fn cases() -> Vec<Case> {
             body: "let width = lobe_width(x(0u)); y(0u, width); y(1u, lobe_inverse_sharpness(min(x(0u), 1.0)));",
             inputs: 1,
             outputs: 2,
-            twin: |x, y| y.extend([lobe_packing::lobe_width(x[0]), lobe_packing::lobe_inverse_sharpness(x[0].min(1.0))]),
+            twin: |x, y| {
+                y.extend([
+                    lobe_packing::lobe_width(x[0]),
+                    lobe_packing::lobe_inverse_sharpness(x[0].min(1.0)),
+                ]);
+            },
             oracle: Some(|x, y| {
                 let w = x[0].min(1.0);
-                y.extend([(x[0] / (1.0 + x[0])).sqrt(), w * w / (1.0 - w * w).max(1e-6_f32 as f64)]);
+                y.extend([
+                    (x[0] / (1.0 + x[0])).sqrt(),
+                    w * w / (1.0 - w * w).max(1e-6_f32 as f64),
+                ]);
             }),
             domains: vec![
-                domain("narrow", [vec![0.0], rows(65, 500, |random, row| row.push(random.log_range(-15.0, -1.0)))].concat(), ulp(4), ulp(6)),
+                domain(
+                    "narrow",
+                    [
+                        vec![0.0],
+                        rows(65, 500, |random, row| {
+                            row.push(random.log_range(-15.0, -1.0));
+                        }),
+                    ]
+                    .concat(),
+                    ulp(4),
+                    ulp(6),
+                ),
                 // 1 - width^2 cancels: as many ULP as that has lost.
-                domain("wide", rows(66, 500, |random, row| row.push(random.range(0.1, 0.9))), ulp(12), ulp(16)),
+                domain(
+                    "wide",
+                    rows(66, 500, |random, row| row.push(random.range(0.1, 0.9))),
+                    ulp(12),
+                    ulp(16),
+                ),
                 domain("towards uniform", vec![1.0, 10.0, 1e6], ulp(4), ulp(4)),
             ],
             mutations: vec![
                 lobe_mutation("1.0 + inverse_sharpness", "1.0001 + inverse_sharpness"),
-                lobe_mutation("squared / max(1.0 - squared", "squared / max(1.0001 - squared"),
-                lobe_mutation("MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 1e-6", "MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 2e-6"),
-                lobe_mutation("let squared = width * width", "let squared = width * 1.00001 * width"),
+                lobe_mutation(
+                    "squared / max(1.0 - squared",
+                    "squared / max(1.0001 - squared",
+                ),
+                lobe_mutation(
+                    "MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 1e-6",
+                    "MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 2e-6",
+                ),
+                lobe_mutation(
+                    "let squared = width * width",
+                    "let squared = width * 1.00001 * width",
+                ),
             ],
         },
         Case {
             module: LOBE,
-            functions: &["lobe_pack", "lobe_unpack", "unorm_pack", "unorm_unpack", "half_pack", "half_unpack"],
+            functions: &[
+                "lobe_pack",
+                "lobe_unpack",
+                "unorm_pack",
+                "unorm_unpack",
+                "half_pack",
+                "half_unpack",
+            ],
             imports: "#import akari_math::lobe_packing::lobe_width",
             body: "let packed = lobe_pack(x_vec3(0u), x(3u), x(4u));
                 y_bits(0u, packed.x);
@@ -196,14 +285,28 @@ pub fn cases() -> Vec<Case> {
                     ulp(0),
                     absolute(1.0),
                 ),
-                domain("mirror", vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0], ulp(0), absolute(0.01)),
+                domain(
+                    "mirror",
+                    vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0],
+                    ulp(0),
+                    absolute(0.01),
+                ),
             ],
             mutations: vec![
-                lobe_mutation("saturate(x) * UNORM_MAX + 0.5", "saturate(x) * 65540.0 + 0.5"),
+                lobe_mutation(
+                    "saturate(x) * UNORM_MAX + 0.5",
+                    "saturate(x) * 65540.0 + 0.5",
+                ),
                 lobe_mutation("bits.y >> 16u", "bits.y >> 15u"),
-                lobe_mutation("half_pack(lobe_width(inverse_sharpness))", "half_pack(0.99 * lobe_width(inverse_sharpness))"),
+                lobe_mutation(
+                    "half_pack(lobe_width(inverse_sharpness))",
+                    "half_pack(0.99 * lobe_width(inverse_sharpness))",
+                ),
                 lobe_mutation("bits + 0xfffu", "bits + 0x7fffu"),
-                lobe_mutation("* HALF_SUBNORMALS_PER_UNIT + ROUND", "* 1.01 * HALF_SUBNORMALS_PER_UNIT + ROUND"),
+                lobe_mutation(
+                    "* HALF_SUBNORMALS_PER_UNIT + ROUND",
+                    "* 1.01 * HALF_SUBNORMALS_PER_UNIT + ROUND",
+                ),
             ],
         },
     ]
@@ -221,7 +324,11 @@ fn halves() {
         let next = f16::from_bits(bits + 1).to_f32().min(65504.0);
         for t in [0.499, 0.5, 0.501] {
             let between = value + t * (next - value);
-            assert_eq!(lobe_packing::half_pack(between), u32::from(f16::from_f32(between).to_bits()), "{between}");
+            assert_eq!(
+                lobe_packing::half_pack(between),
+                u32::from(f16::from_f32(between).to_bits()),
+                "{between}"
+            );
         }
     }
     assert_eq!(lobe_packing::half_pack(1e9), 0x7bff);
@@ -243,7 +350,14 @@ fn round_trips() {
     println!("octahedral snorm16x2: {angle:.2e} rad");
     assert!(angle < 6.3e-5 && angle > 1e-5, "{angle}");
     // Sharpness, bound of the relative error.
-    for (sharpness, bound) in [(1e-3, 0.5), (2.0, 1.5e-3), (50.0, 1.0e-3), (1e3, 1.0e-3), (1e6, 1.0e-3), (1e8, 2.0e-3)] {
+    for (sharpness, bound) in [
+        (1e-3, 0.5),
+        (2.0, 1.5e-3),
+        (50.0, 1.0e-3),
+        (1e3, 1.0e-3),
+        (1e6, 1.0e-3),
+        (1e8, 2.0e-3),
+    ] {
         let mut worst: f32 = 0.0;
         for _ in 0..2000 {
             let sharpness = sharpness * random.range(0.9, 1.1);
@@ -255,10 +369,16 @@ fn round_trips() {
         assert!(worst <= bound && worst > 1e-5, "{sharpness}: {worst}");
     }
     let mirror = lobe_packing::lobe_unpack(lobe_packing::lobe_pack(Vec3::X, 0.0, 0.0));
-    assert_eq!((mirror.inverse_sharpness, mirror.perceptual_roughness), (0.0, 0.0));
+    assert_eq!(
+        (mirror.inverse_sharpness, mirror.perceptual_roughness),
+        (0.0, 0.0)
+    );
     // Nothing that a texture may hold comes back as NaN.
     for word in [0, u32::MAX, 0x7bff_7bff, 0x8000_8000] {
         let lobe = lobe_packing::lobe_unpack(UVec2::new(word, word & 0xffff_7bff));
-        assert!(lobe.axis.is_finite() && lobe.inverse_sharpness.is_finite(), "{word:x}");
+        assert!(
+            lobe.axis.is_finite() && lobe.inverse_sharpness.is_finite(),
+            "{word:x}"
+        );
     }
 }

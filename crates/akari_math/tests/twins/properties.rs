@@ -19,12 +19,19 @@ fn direction() -> impl Strategy<Value = Vec3> {
 
 /// A planar, convex quad about a point 0.3 to 3 away.
 fn quad() -> impl Strategy<Value = [Vec3; 4]> {
-    (direction(), 0.3_f32..3.0, direction(), 0.05_f32..2.0, 0.05_f32..2.0).prop_map(|(center, distance, normal, a, b)| {
-        let frame = shading_frame(normal, Vec3::new(0.3, 0.5, -0.8));
-        let (u, v) = (frame.x_axis * a, frame.y_axis * b);
-        let c = center * distance;
-        [c - u - v, c + u - v, c + u + v, c - u + v]
-    })
+    (
+        direction(),
+        0.3_f32..3.0,
+        direction(),
+        0.05_f32..2.0,
+        0.05_f32..2.0,
+    )
+        .prop_map(|(center, distance, normal, a, b)| {
+            let frame = shading_frame(normal, Vec3::new(0.3, 0.5, -0.8));
+            let (u, v) = (frame.x_axis * a, frame.y_axis * b);
+            let c = center * distance;
+            [c - u - v, c + u - v, c + u + v, c - u + v]
+        })
 }
 
 fn m_inv() -> impl Strategy<Value = Mat3> {
@@ -61,7 +68,7 @@ proptest! {
     }
 
     #[test]
-    fn a_turn_about_the_normal_changes_nothing(quad in quad(), angle in 0.0_f32..6.28) {
+    fn a_turn_about_the_normal_changes_nothing(quad in quad(), angle in 0.0_f32..std::f32::consts::TAU) {
         let turn = Quat::from_rotation_z(angle);
         let turned = quad.map(|v| turn * v);
         prop_assert!((form_factor(&quad).z - form_factor(&turned).z).abs() < 2e-6);
@@ -142,7 +149,8 @@ fn no_jump_at_the_horizon() {
         let normal = random.direction();
         let u = random.around(normal, std::f32::consts::FRAC_PI_2);
         let v = normal.cross(u);
-        let polygon = [(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)].map(|(s, t)| center + s * u + t * v);
+        let polygon = [(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)]
+            .map(|(s, t)| center + s * u + t * v);
         // Sweeps over each vertex in turn.
         for pivot in polygon {
             let mut previous: Option<[f32; 2]> = None;

@@ -16,11 +16,19 @@ fn uniform_values(seed: u64, n: usize, lo: f32, hi: f32) -> Vec<f32> {
 }
 
 fn mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: MODULE, from, to }
+    Mutation {
+        module: MODULE,
+        from,
+        to,
+    }
 }
 
 fn frame_mutation(from: &'static str, to: &'static str) -> Mutation {
-    Mutation { module: FRAME, from, to }
+    Mutation {
+        module: FRAME,
+        from,
+        to,
+    }
 }
 
 /// Vectors of every length from 1e-28 to 1e30.
@@ -51,9 +59,19 @@ pub fn cases() -> Vec<Case> {
             twin: |x, y| y.push(special::one_minus_exp_neg_over_x(x[0])),
             oracle: Some(|x, y| y.push(oracle::one_minus_exp_neg_over_x(x[0]))),
             domains: vec![
-                domain("zero and tiny", [vec![0.0], log_values(1, 200, -30.0, -4.0)].concat(), ulp(1), ulp(1)),
+                domain(
+                    "zero and tiny",
+                    [vec![0.0], log_values(1, 200, -30.0, -4.0)].concat(),
+                    ulp(1),
+                    ulp(1),
+                ),
                 domain("Taylor", log_values(2, 800, -4.0, -0.302), ulp(4), ulp(4)),
-                domain("next to the switch", uniform_values(3, 200, 0.499, 0.501), ulp(4), ulp(8)),
+                domain(
+                    "next to the switch",
+                    uniform_values(3, 200, 0.499, 0.501),
+                    ulp(4),
+                    ulp(8),
+                ),
                 domain("direct", uniform_values(4, 800, 0.5, 20.0), ulp(4), ulp(8)),
                 domain("large", log_values(5, 400, 1.3, 30.0), ulp(2), ulp(2)),
             ],
@@ -79,7 +97,7 @@ pub fn cases() -> Vec<Case> {
                     "all quadrants",
                     rows(6, 4000, |random, row| {
                         let scale = random.log_range(-15.0, 15.0);
-                        let angle = random.range(-3.141_592, 3.141_592);
+                        let angle = random.range(-std::f32::consts::PI, std::f32::consts::PI);
                         row.extend([scale * angle.sin(), scale * angle.cos()]);
                     }),
                     absolute(2.6e-7),
@@ -87,13 +105,18 @@ pub fn cases() -> Vec<Case> {
                 ),
                 domain(
                     "near the x axis",
-                    rows(7, 1000, |random, row| row.extend([random.log_range(-20.0, -3.0), random.range(0.1, 1.0)])),
+                    rows(7, 1000, |random, row| {
+                        row.extend([random.log_range(-20.0, -3.0), random.range(0.1, 1.0)]);
+                    }),
                     ulp(3),
                     ulp(8),
                 ),
                 domain(
                     "axes and diagonals",
-                    vec![0.0, 0.0, 0.0, 1.0, 1.0, 0.0, -1.0, 0.0, 0.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0],
+                    vec![
+                        0.0, 0.0, 0.0, 1.0, 1.0, 0.0, -1.0, 0.0, 0.0, -1.0, 1.0, 1.0, 1.0, -1.0,
+                        -1.0, -1.0,
+                    ],
                     absolute(2.5e-7),
                     ulp(2),
                 ),
@@ -101,10 +124,16 @@ pub fn cases() -> Vec<Case> {
             mutations: vec![
                 mutation("0.19971879", "0.1998"),
                 mutation("0.07902595", "0.075"),
-                mutation("t + t * u * polynomial", "1.000002 * t + t * u * polynomial"),
+                mutation(
+                    "t + t * u * polynomial",
+                    "1.000002 * t + t * u * polynomial",
+                ),
                 mutation("angle = PI - angle", "angle = 3.141595 - angle"),
                 mutation("angle = HALF_PI - angle", "angle = 1.5708 - angle"),
-                mutation("TAN_PI_OVER_EIGHT: f32 = 0.41421356", "TAN_PI_OVER_EIGHT: f32 = 0.8"),
+                mutation(
+                    "TAN_PI_OVER_EIGHT: f32 = 0.41421356",
+                    "TAN_PI_OVER_EIGHT: f32 = 0.8",
+                ),
             ],
         },
         Case {
@@ -114,13 +143,28 @@ pub fn cases() -> Vec<Case> {
             body: "y(0u, erf_poly(x(0u))); y(1u, erf_core(clamp(x(0u), -1.0, 1.0)));",
             inputs: 1,
             outputs: 2,
-            twin: |x, y| y.extend([special::erf_poly(x[0]), special::erf_core(x[0].clamp(-1.0, 1.0))]),
+            twin: |x, y| {
+                y.extend([
+                    special::erf_poly(x[0]),
+                    special::erf_core(x[0].clamp(-1.0, 1.0)),
+                ]);
+            },
             oracle: Some(|x, y| y.extend([oracle::erf(x[0]), oracle::erf(x[0].clamp(-1.0, 1.0))])),
             domains: vec![
                 domain("core", uniform_values(8, 1000, -1.0, 1.0), ulp(4), ulp(8)),
                 domain("tail", uniform_values(9, 1000, 1.0, 12.0), ulp(4), ulp(8)),
-                domain("negative tail", uniform_values(10, 500, -12.0, -1.0), ulp(4), ulp(8)),
-                domain("tiny", [vec![0.0], log_values(11, 200, -30.0, -5.0)].concat(), ulp(2), ulp(2)),
+                domain(
+                    "negative tail",
+                    uniform_values(10, 500, -12.0, -1.0),
+                    ulp(4),
+                    ulp(8),
+                ),
+                domain(
+                    "tiny",
+                    [vec![0.0], log_values(11, 200, -30.0, -5.0)].concat(),
+                    ulp(2),
+                    ulp(2),
+                ),
             ],
             mutations: vec![
                 mutation("1.128379166", "1.128381"),
@@ -142,9 +186,24 @@ pub fn cases() -> Vec<Case> {
                 domain("core", uniform_values(12, 500, -1.0, 0.5), ulp(4), ulp(8)),
                 // The exponent x^2 is rounded, and exp itself is allowed 3 + 2 |x^2| ULP by WGSL.
                 domain("tail", uniform_values(13, 1000, 1.0, 4.0), ulp(40), ulp(35)),
-                domain("far tail", uniform_values(14, 500, 4.0, 9.0), ulp(200), ulp(165)),
-                domain("beyond", uniform_values(15, 100, 9.5, 1e6), absolute(1e-37), absolute(1e-37)),
-                domain("negative tail", uniform_values(16, 500, -12.0, -1.0), ulp(4), ulp(8)),
+                domain(
+                    "far tail",
+                    uniform_values(14, 500, 4.0, 9.0),
+                    ulp(200),
+                    ulp(165),
+                ),
+                domain(
+                    "beyond",
+                    uniform_values(15, 100, 9.5, 1e6),
+                    absolute(1e-37),
+                    absolute(1e-37),
+                ),
+                domain(
+                    "negative tail",
+                    uniform_values(16, 500, -12.0, -1.0),
+                    ulp(4),
+                    ulp(8),
+                ),
             ],
             mutations: vec![
                 mutation("0.1968135787", "0.19682"),
@@ -175,7 +234,11 @@ pub fn cases() -> Vec<Case> {
                 let v = dvec3(x, 0);
                 let largest = v.abs().max_element();
                 let short = largest < f64::from(special::TINY);
-                let unit = if short { DVec3::new(0.0, 0.6_f32 as f64, 0.8_f32 as f64) } else { v.normalize() };
+                let unit = if short {
+                    DVec3::new(0.0, 0.6_f32 as f64, 0.8_f32 as f64)
+                } else {
+                    v.normalize()
+                };
                 let scaled = if short { DVec3::ZERO } else { v / largest };
                 y.extend(unit.to_array());
                 y.extend(scaled.to_array());
@@ -189,7 +252,10 @@ pub fn cases() -> Vec<Case> {
                 mutation("abs(v.z)", "v.z"),
                 mutation("return fallback", "return scaled"),
                 mutation("return vec3<f32>(0.0)", "return v * 1e30"),
-                mutation("scaled / sqrt(length_squared)", "scaled / (1e-6 + sqrt(length_squared))"),
+                mutation(
+                    "scaled / sqrt(length_squared)",
+                    "scaled / (1e-6 + sqrt(length_squared))",
+                ),
             ],
         },
     ];
@@ -229,20 +295,41 @@ fn frame_cases() -> Vec<Case> {
             twin: identity_error,
             oracle: Some(|x, y| y.extend(exact_frame(dvec3(x, 0), dvec3(x, 3)).to_cols_array())),
             domains: vec![
-                domain("0.06 rad to horizon", frame_rows(20, 800, -1.2, 0.19), absolute(5e-6), ulp_of(32, 1.0)),
-                domain("below the surface", rows(21, 400, |random, row| {
-                    let normal = random.direction();
-                    let angle = random.range(1.6, 3.0);
-                    let view = random.around(normal, angle);
-                    push3(row, normal);
-                    push3(row, view);
-                }), absolute(2e-6), ulp_of(16, 1.0)),
+                domain(
+                    "0.06 rad to horizon",
+                    frame_rows(20, 800, -1.2, 0.19),
+                    absolute(5e-6),
+                    ulp_of(32, 1.0),
+                ),
+                domain(
+                    "below the surface",
+                    rows(21, 400, |random, row| {
+                        let normal = random.direction();
+                        let angle = random.range(1.6, 3.0);
+                        let view = random.around(normal, angle);
+                        push3(row, normal);
+                        push3(row, view);
+                    }),
+                    absolute(2e-6),
+                    ulp_of(16, 1.0),
+                ),
                 // The direction of the tangent is as uncertain as the unit vectors, over the sine.
-                domain("1e-3 rad", frame_rows(22, 400, -3.0, -2.9), absolute(4e-4), ulp_of(8192, 1.0)),
+                domain(
+                    "1e-3 rad",
+                    frame_rows(22, 400, -3.0, -2.9),
+                    absolute(4e-4),
+                    ulp_of(8192, 1.0),
+                ),
             ],
             mutations: vec![
-                frame_mutation("safe_normalize(view, n)", "safe_normalize(view + vec3<f32>(0.0, 0.001, 0.0), n)"),
-                frame_mutation("select(-n, n, dot(n, v) >= 0.0)", "vec3<f32>(0.5, 0.5, 0.5)"),
+                frame_mutation(
+                    "safe_normalize(view, n)",
+                    "safe_normalize(view + vec3<f32>(0.0, 0.001, 0.0), n)",
+                ),
+                frame_mutation(
+                    "select(-n, n, dot(n, v) >= 0.0)",
+                    "vec3<f32>(0.5, 0.5, 0.5)",
+                ),
                 frame_mutation("cross(n, tangent)", "cross(tangent, n)"),
             ],
         },
@@ -259,24 +346,38 @@ fn frame_cases() -> Vec<Case> {
             },
             oracle: None,
             domains: vec![
-                domain("view along the axes", {
-                    let mut rows = Vec::new();
-                    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                        for (sign, scale) in [(1.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (-1.0, -1.0)] {
-                            push3(&mut rows, sign * axis);
-                            rows.push(scale);
+                domain(
+                    "view along the axes",
+                    {
+                        let mut rows = Vec::new();
+                        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                            for (sign, scale) in [(1.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (-1.0, -1.0)]
+                            {
+                                push3(&mut rows, sign * axis);
+                                rows.push(scale);
+                            }
                         }
-                    }
-                    rows
-                }, ulp(0), ulp(4)),
-                domain("view along the normal", rows(23, 200, |random, row| {
-                    push3(row, random.direction());
-                    row.push([2.0, -0.5][(random.next() % 2) as usize]);
-                }), ulp(0), ulp_of(4, 1.0)),
+                        rows
+                    },
+                    ulp(0),
+                    ulp(4),
+                ),
+                domain(
+                    "view along the normal",
+                    rows(23, 200, |random, row| {
+                        push3(row, random.direction());
+                        row.push([2.0, -0.5][(random.next() % 2) as usize]);
+                    }),
+                    ulp(0),
+                    ulp_of(4, 1.0),
+                ),
             ],
             mutations: vec![
                 frame_mutation("side * b", "b"),
-                frame_mutation("PARALLEL_SINE_SQUARED: f32 = 1e-12", "PARALLEL_SINE_SQUARED: f32 = -1.0"),
+                frame_mutation(
+                    "PARALLEL_SINE_SQUARED: f32 = 1e-12",
+                    "PARALLEL_SINE_SQUARED: f32 = -1.0",
+                ),
             ],
         },
     ]

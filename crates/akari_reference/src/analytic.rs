@@ -240,7 +240,8 @@ mod tests {
     fn albedo_of_a_smooth_and_a_rough_mirror() {
         assert!((ggx_albedo(0.8, 1e-3, 200) - 1.0).abs() < 1e-3);
         let rough = ggx_albedo(0.8, 1.0, 400);
-        assert!(rough < 0.8 && rough > 0.4, "{rough}");
+        // Single scattering loses most light of a very rough mirror (Kulla and Conty 2017, figure 4).
+        assert!(rough < 0.5 && rough > 0.3, "{rough}");
         assert!((rough - ggx_albedo(0.8, 1.0, 800)).abs() < 1e-3);
     }
 
@@ -249,10 +250,19 @@ mod tests {
         // A ceiling that fills the hemisphere reflects with the directional albedo: two independent quadratures.
         for (alpha, cos) in [(0.25, 0.9), (0.5, 0.6)] {
             let view = DVec3::new((1.0_f64 - cos * cos).sqrt(), 0.0, cos);
-            let radiance =
-                polygon_ggx_radiance(&ceiling(300.0, 1.0), DVec3::ZERO, DVec3::Z, view, alpha, 1e-5);
+            let radiance = polygon_ggx_radiance(
+                &ceiling(300.0, 1.0),
+                DVec3::ZERO,
+                DVec3::Z,
+                view,
+                alpha,
+                1e-5,
+            );
             let albedo = ggx_albedo(cos, alpha, 1000);
-            assert!((radiance / albedo - 1.0).abs() < 5e-3, "{radiance} {albedo}");
+            assert!(
+                (radiance / albedo - 1.0).abs() < 5e-3,
+                "{radiance} {albedo}"
+            );
         }
         let other_side = polygon_ggx_radiance(
             &ceiling(1.0, -1.0),

@@ -45,7 +45,10 @@ impl<'a> EnvironmentSampler<'a> {
             }
             let total = row[w];
             rows.push(rows[j] + total);
-            columns.extend(row.iter().map(|c| if total > 0.0 { (c / total) as f32 } else { 0.0 }));
+            columns.extend(
+                row.iter()
+                    .map(|c| if total > 0.0 { (c / total) as f32 } else { 0.0 }),
+            );
         }
         let total = rows[h];
         if !(total > 0.0 && total.is_finite()) {

@@ -162,9 +162,7 @@ impl Integrator<'_> {
         let seed = sampler.noise(depth);
         if !self.world.emitters.is_empty() {
             let u = sampler.get(depth, Use::Light);
-            let light = self
-                .lights
-                .sample_emitter(p, n, [u[0], u[1], u[2]], seed);
+            let light = self.lights.sample_emitter(p, n, [u[0], u[1], u[2]], seed);
             sum += self.contribution(surface, light, seed, rays);
         }
         if self.lights.environment.is_some() || !self.world.scene.punctual_lights.is_empty() {

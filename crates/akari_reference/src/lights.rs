@@ -78,11 +78,8 @@ impl Punctual {
             scale *= falloff * falloff;
         }
         let irradiance = self.intensity * scale;
-        (irradiance.max_element() > 0.0 && irradiance.is_finite()).then_some((
-            direction,
-            distance,
-            irradiance,
-        ))
+        (irradiance.max_element() > 0.0 && irradiance.is_finite())
+            .then_some((direction, distance, irradiance))
     }
 }
 
@@ -99,12 +96,7 @@ impl<'a> Lights<'a> {
         no_occlusion: bool,
     ) -> Self {
         let unseen: Vec<u32> = (0..world.emitters.len() as u32)
-            .filter(|&i| {
-                matches!(
-                    world.emitters[i as usize].source,
-                    EmitterSource::Unseen(_)
-                )
-            })
+            .filter(|&i| matches!(world.emitters[i as usize].source, EmitterSource::Unseen(_)))
             .collect();
         let triangles = |ids: &[u32]| -> Vec<[Vec3; 3]> {
             ids.iter()
@@ -157,8 +149,8 @@ impl<'a> Lights<'a> {
         if highest <= 0.0 {
             return none;
         }
-        let mean = 0.25
-            * (cosines.iter().map(|c| c.max(0.0)).sum::<f64>() + cosine(a + b + c).max(0.0));
+        let mean =
+            0.25 * (cosines.iter().map(|c| c.max(0.0)).sum::<f64>() + cosine(a + b + c).max(0.0));
         let solid_angle = spherical::solid_angle(a, b, c);
         Weighed {
             solid_angle,
@@ -286,11 +278,7 @@ impl<'a> Lights<'a> {
         if self.punctual.is_empty() {
             return None;
         }
-        let lit = |light: &Punctual| {
-            light
-                .at(p)
-                .filter(|(direction, ..)| direction.dot(n) > 0.0)
-        };
+        let lit = |light: &Punctual| light.at(p).filter(|(direction, ..)| direction.dot(n) > 0.0);
         let weight = |(direction, _, irradiance): (Vec3, f32, Vec3)| {
             irradiance.element_sum() * direction.dot(n)
         };

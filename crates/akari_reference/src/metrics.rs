@@ -75,15 +75,16 @@ pub fn compare(
     }
     let finite = |i: usize| a.data[i].iter().chain(&b.data[i]).all(|c| c.is_finite());
     let inside = |i: usize| mask.is_none_or(|m| m.data[i].iter().any(|c| *c > 0.5));
-    let (chosen, broken): (Vec<usize>, Vec<usize>) =
-        (0..b.data.len()).filter(|&i| inside(i)).partition(|&i| finite(i));
+    let (chosen, broken): (Vec<usize>, Vec<usize>) = (0..b.data.len())
+        .filter(|&i| inside(i))
+        .partition(|&i| finite(i));
     if chosen.is_empty() {
         return Err(CompareError::Empty);
     }
     let values = || {
-        chosen.iter().flat_map(|&i| {
-            (0..3).map(move |k| (f64::from(a.data[i][k]), f64::from(b.data[i][k])))
-        })
+        chosen
+            .iter()
+            .flat_map(|&i| (0..3).map(move |k| (f64::from(a.data[i][k]), f64::from(b.data[i][k]))))
     };
     let count = 3.0 * chosen.len() as f64;
     let rms_b = (values().map(|(_, b)| b * b).sum::<f64>() / count).sqrt();
@@ -101,7 +102,10 @@ pub fn compare(
     let floor = (MAPE_FLOOR * rms_b).max(f64::MIN_POSITIVE);
     let (mean_a, mean_b) = values().fold((0.0, 0.0), |(x, y), (a, b)| (x + a, y + b));
     let mut flip = flip_errors(a, b, finite);
-    let mut flip: Vec<f32> = chosen.iter().map(|&i| std::mem::take(&mut flip[i])).collect();
+    let mut flip: Vec<f32> = chosen
+        .iter()
+        .map(|&i| std::mem::take(&mut flip[i]))
+        .collect();
     let flip_mean = flip.iter().map(|e| f64::from(*e)).sum::<f64>() / flip.len() as f64;
     // Nearest rank.
     let rank = (flip.len() * 99).div_ceil(100) - 1;
@@ -168,8 +172,14 @@ mod tests {
     #[test]
     fn equal_images_have_no_error() {
         let m = compare(&gradient(), &gradient(), None).unwrap();
-        assert_eq!((m.rmse, m.rel_rmse, m.rel_mse, m.mape), (0.0, 0.0, 0.0, 0.0));
-        assert_eq!((m.bias, m.max_abs, m.flip_mean, m.non_finite), (0.0, 0.0, 0.0, 0));
+        assert_eq!(
+            (m.rmse, m.rel_rmse, m.rel_mse, m.mape),
+            (0.0, 0.0, 0.0, 0.0)
+        );
+        assert_eq!(
+            (m.bias, m.max_abs, m.flip_mean, m.non_finite),
+            (0.0, 0.0, 0.0, 0)
+        );
     }
 
     #[test]
@@ -205,7 +215,10 @@ mod tests {
         let b = gradient();
         let small = RgbImage::filled(8, 8, [0.0; 3]);
         let message = compare(&small, &b, None).unwrap_err().to_string();
-        assert!(message.contains("8 x 8") && message.contains("32 x 32"), "{message}");
+        assert!(
+            message.contains("8 x 8") && message.contains("32 x 32"),
+            "{message}"
+        );
         assert!(compare(&b, &b, Some(&small)).is_err());
         let none = RgbImage::filled(32, 32, [0.0; 3]);
         assert_eq!(compare(&b, &b, Some(&none)), Err(CompareError::Empty));
@@ -217,13 +230,25 @@ mod tests {
     fn json_keys_are_the_contract() {
         let m = compare(&gradient(), &gradient(), None).unwrap();
         let json = serde_json::to_value(m).unwrap();
-        let mut keys: Vec<&str> = json.as_object().unwrap().keys().map(String::as_str).collect();
+        let mut keys: Vec<&str> = json
+            .as_object()
+            .unwrap()
+            .keys()
+            .map(String::as_str)
+            .collect();
         keys.sort_unstable();
         assert_eq!(
             keys,
             [
-                "bias", "flip_mean", "flip_p99", "mape", "max_abs", "non_finite", "rel_mse",
-                "rel_rmse", "rmse"
+                "bias",
+                "flip_mean",
+                "flip_p99",
+                "mape",
+                "max_abs",
+                "non_finite",
+                "rel_mse",
+                "rel_rmse",
+                "rmse"
             ]
         );
     }

@@ -2,17 +2,17 @@
 //!
 //! Two rules keep them right. An origin on a surface is moved off along the geometric normal, and `tmin` is
 //! positive, both by [`offset_for`] of the triangle: with `tmin = 0` a coincident surface is hit at t = 0 or not by
-//! luck of the boxes' order. And the triangle test gives the same answer for an edge seen from either of its
-//! triangles, so that no ray slips through between them.
+//! luck of the boxes' order. And the triangle test is watertight: neighbours agree about the edge and the vertices
+//! that they share, so that no ray slips through between them.
 
 use std::time::Duration;
 
 use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::RayHit;
-use obvhs::triangle::Triangle;
+use obvhs::{Boundable, BvhBuildParams};
 
 /// A ray; `direction` has unit length.
 #[derive(Clone, Copy, Debug)]
@@ -64,42 +64,67 @@ pub fn offset_for(vertices: &[Vec3; 3]) -> f32 {
     (RELATIVE * largest).max(f32::MIN_POSITIVE)
 }
 
-/// Ray against triangle with Plücker edge functions (as in Embree's robust mode; Shevtsov et al. 2007): the value
-/// of a shared edge is the exact negative seen from the other triangle, so that its sign leaves no gap.
-#[inline(always)]
-fn intersect(
+/// A ray with two axes across it.
+struct Frame {
     origin: Vec3A,
     direction: Vec3A,
+    x: Vec3A,
+    y: Vec3A,
+}
+
+/// Ray against triangle: edge functions of the vertices projected along the ray (after Woop, Benthin and Wald 2013).
+/// A vertex has one projection, whichever triangle asks, and the sign of an edge function is exact (rounding is
+/// monotone, and a 0 in `f32` is looked at again in `f64`): no ray slips through a shared edge or vertex.
+#[inline(always)]
+fn intersect(
+    frame: &Frame,
     [p0, p1, p2]: &[Vec3A; 3],
     tmin: f32,
     tmax: f32,
 ) -> Option<(f32, f32, f32)> {
-    let v0 = *p0 - origin;
-    let v1 = *p1 - origin;
-    let v2 = *p2 - origin;
-    let e0 = v2 - v0;
-    let e1 = v0 - v1;
-    let e2 = v1 - v2;
-    let u = e0.cross(v2 + v0).dot(direction);
-    let v = e1.cross(v0 + v1).dot(direction);
-    let w = e2.cross(v1 + v2).dot(direction);
-    let low = u.min(v).min(w);
-    let high = u.max(v).max(w);
-    if low < 0.0 && high > 0.0 {
+    let (a, b, c) = (*p0 - frame.origin, *p1 - frame.origin, *p2 - frame.origin);
+    let (ax, ay) = (frame.x.dot(a), frame.y.dot(a));
+    let (bx, by) = (frame.x.dot(b), frame.y.dot(b));
+    let (cx, cy) = (frame.x.dot(c), frame.y.dot(c));
+    let mut u = cx * by - cy * bx;
+    let mut v = ax * cy - ay * cx;
+    let mut w = bx * ay - by * ax;
+    if u == 0.0 || v == 0.0 || w == 0.0 {
+        let edge = |px: f32, py: f32, qx: f32, qy: f32| {
+            (f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx)) as f32
+        };
+        u = edge(cx, cy, bx, by);
+        v = edge(ax, ay, cx, cy);
+        w = edge(bx, by, ax, ay);
+    }
+    if u.min(v).min(w) < 0.0 && u.max(v).max(w) > 0.0 {
         return None;
     }
     let sum = u + v + w;
-    let normal = e0.cross(e1);
-    let slope = normal.dot(direction);
-    if sum == 0.0 || slope == 0.0 {
+    if sum == 0.0 {
         return None;
     }
-    let t = v0.dot(normal) / slope;
+    let inverse = 1.0 / sum;
+    let d = frame.direction;
+    let t = (u * d.dot(a) + v * d.dot(b) + w * d.dot(c)) * inverse;
     // Written so that NaN is no hit.
     if t > tmin && t < tmax {
-        Some((t, u / sum, v / sum))
+        Some((t, v * inverse, w * inverse))
     } else {
         None
+    }
+}
+
+/// Boxes grow by this share of the largest coordinate. The slab test of a box rounds where the triangle test does not:
+/// a ray along a box's face (a vertex of a grid, an axis-aligned wall) would be culled from both of its sides.
+const BOX_MARGIN: f32 = 16.0 * f32::EPSILON;
+
+/// The box of a triangle, grown.
+struct Padded(Aabb);
+
+impl Boundable for Padded {
+    fn aabb(&self) -> Aabb {
+        self.0
     }
 }
 
@@ -123,16 +148,23 @@ impl Cwbvh {
                 ids: Vec::new(),
             };
         }
-        let list: Vec<Triangle> = triangles
+        let largest = triangles
             .iter()
-            .map(|[a, b, c]| Triangle {
-                v0: (*a).into(),
-                v1: (*b).into(),
-                v2: (*c).into(),
+            .flatten()
+            .map(|v| v.abs().max_element())
+            .fold(0.0, f32::max);
+        let margin = Vec3A::splat(BOX_MARGIN * largest);
+        let boxes: Vec<Padded> = triangles
+            .iter()
+            .map(|[a, b, c]| {
+                Padded(Aabb::new(
+                    Vec3A::from(a.min(*b).min(*c)) - margin,
+                    Vec3A::from(a.max(*b).max(*c)) + margin,
+                ))
             })
             .collect();
-        let bvh = build_cwbvh_from_tris(
-            &list,
+        let bvh = build_cwbvh(
+            &boxes,
             BvhBuildParams::medium_build(),
             &mut Duration::default(),
         );
@@ -149,14 +181,8 @@ impl Cwbvh {
     }
 
     #[inline(always)]
-    fn test(&self, ray: &obvhs::ray::Ray, leaf: usize) -> Option<Hit> {
-        let (t, u, v) = intersect(
-            ray.origin,
-            ray.direction,
-            &self.vertices[leaf],
-            ray.tmin,
-            ray.tmax,
-        )?;
+    fn test(&self, frame: &Frame, ray: &obvhs::ray::Ray, leaf: usize) -> Option<Hit> {
+        let (t, u, v) = intersect(frame, &self.vertices[leaf], ray.tmin, ray.tmax)?;
         Some(Hit {
             t,
             triangle: self.ids[leaf],
@@ -166,21 +192,37 @@ impl Cwbvh {
     }
 }
 
-fn convert(ray: &Ray) -> obvhs::ray::Ray {
-    obvhs::ray::Ray::new(
-        ray.origin.into(),
-        ray.direction.into(),
-        ray.tmin,
-        ray.tmax,
-    )
+/// The ray as `obvhs` takes it. Its own constructor bounds the inverse direction by 1/ε, so that boxes and triangles
+/// see different directions where a component is below ε, and a ray along an edge falls between two boxes.
+fn convert(ray: &Ray) -> (obvhs::ray::Ray, Frame) {
+    /// Components below this are taken for 0, in boxes and in triangles.
+    const TINY: f32 = 1e-20;
+    let direction = ray.direction.map(|d| if d.abs() < TINY { 0.0 } else { d });
+    let inverse = direction.map(|d| if d == 0.0 { 1.0 / TINY } else { 1.0 / d });
+    let converted = obvhs::ray::Ray {
+        origin: ray.origin.into(),
+        direction: direction.into(),
+        inv_direction: inverse.into(),
+        tmin: ray.tmin,
+        tmax: ray.tmax,
+    };
+    let (x, y) = direction.any_orthonormal_pair();
+    let frame = Frame {
+        origin: converted.origin,
+        direction: converted.direction,
+        x: x.into(),
+        y: y.into(),
+    };
+    (converted, frame)
 }
 
 impl RayScene for Cwbvh {
     fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let bvh = self.bvh.as_ref()?;
         let mut best: Option<Hit> = None;
-        bvh.ray_traverse(convert(ray), &mut RayHit::none(), |r, leaf| {
-            match self.test(r, leaf) {
+        let (ray, frame) = convert(ray);
+        bvh.ray_traverse(ray, &mut RayHit::none(), |r, leaf| {
+            match self.test(&frame, r, leaf) {
                 Some(hit) if accept(&hit) => {
                     best = Some(hit);
                     hit.t
@@ -193,7 +235,8 @@ impl RayScene for Cwbvh {
 
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         let Some(bvh) = &self.bvh else { return false };
-        !bvh.ray_traverse_miss(convert(ray), |r, leaf| match self.test(r, leaf) {
+        let (ray, frame) = convert(ray);
+        !bvh.ray_traverse_miss(ray, |r, leaf| match self.test(&frame, r, leaf) {
             Some(hit) if accept(&hit) => hit.t,
             _ => f32::INFINITY,
         })
@@ -201,8 +244,9 @@ impl RayScene for Cwbvh {
 
     fn for_each_hit(&self, ray: &Ray, mut visit: impl FnMut(&Hit)) {
         let Some(bvh) = &self.bvh else { return };
-        bvh.ray_traverse_anyhit(convert(ray), |r, leaf| {
-            if let Some(hit) = self.test(r, leaf) {
+        let (ray, frame) = convert(ray);
+        bvh.ray_traverse_anyhit(ray, |r, leaf| {
+            if let Some(hit) = self.test(&frame, r, leaf) {
                 visit(&hit);
             }
         });
@@ -312,7 +356,11 @@ mod tests {
                 hits += 1;
                 assert!(f64::from(found.t) - t < 1e-4 * t + 1e-5, "{} {t}", found.t);
                 // The plane that the origin lies in is behind, in all of its tessellations.
-                assert!(found.t > 1e-3 || k % triangles.len() >= 8, "self-hit at {}", found.t);
+                assert!(
+                    found.t > 1e-3 || k % triangles.len() >= 8,
+                    "self-hit at {}",
+                    found.t
+                );
             }
         }
         assert!(hits > 1000 && checked > 3900, "{hits} hits of {checked}");
@@ -347,7 +395,11 @@ mod tests {
         let point = |i: usize, j: usize| {
             let theta = std::f32::consts::PI * i as f32 / N as f32;
             let phi = std::f32::consts::TAU * (j % (2 * N)) as f32 / (2 * N) as f32;
-            Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
+            Vec3::new(
+                theta.sin() * phi.cos(),
+                theta.cos(),
+                theta.sin() * phi.sin(),
+            )
         };
         let mut triangles = Vec::new();
         for i in 0..N {

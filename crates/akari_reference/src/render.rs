@@ -125,7 +125,9 @@ fn check(options: &Options) -> Result<(), Error> {
         )));
     }
     if options.spp == 0 {
-        return Err(Error::Options("0 samples per pixel: give at least 1".into()));
+        return Err(Error::Options(
+            "0 samples per pixel: give at least 1".into(),
+        ));
     }
     if options.max_depth == 0 {
         return Err(Error::Options(

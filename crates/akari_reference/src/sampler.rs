@@ -86,7 +86,11 @@ mod tests {
         let other_pixel = |i| Sampler::new(2, i, 0, 1).get(0, Use::Light)[0];
         let other_stream = |i| Sampler::new(1, i, 1, 1).get(0, Use::Light)[0];
         assert!(correlation(&base, &base) > 0.9);
-        for other in [&other_use as &dyn Fn(u32) -> f32, &other_pixel, &other_stream] {
+        for other in [
+            &other_use as &dyn Fn(u32) -> f32,
+            &other_pixel,
+            &other_stream,
+        ] {
             assert!(correlation(&base, other).abs() < 0.08);
         }
         // Beyond the length of one sequence.

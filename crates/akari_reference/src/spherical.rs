@@ -30,7 +30,11 @@ pub(crate) fn sample(a: DVec3, b: DVec3, c: DVec3, u: [f64; 2]) -> Option<DVec3>
     let q = s + sin_alpha * cos_c;
     let denominator = (q * s + p * t) * sin_alpha;
     let k1 = ((q * t - p * s) * cos_alpha - q) / denominator;
-    let k1 = if k1.is_finite() { k1.clamp(-1.0, 1.0) } else { 1.0 };
+    let k1 = if k1.is_finite() {
+        k1.clamp(-1.0, 1.0)
+    } else {
+        1.0
+    };
     let ortho = |x: DVec3, y: DVec3| (x - x.dot(y) * y).try_normalize();
     let c2 = k1 * a + (1.0 - k1 * k1).max(0.0).sqrt() * ortho(c, a)?;
     let z = 1.0 - u[1] * (1.0 - c2.dot(b));

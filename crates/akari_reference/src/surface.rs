@@ -64,11 +64,17 @@ impl Surface {
         .normalize();
 
         let albedo = world.base_color(hit.triangle, u, v).truncate();
-        let metallic_roughness =
-            world.texture(hit.triangle, material.metallic_roughness_texture.as_ref(), u, v);
+        let metallic_roughness = world.texture(
+            hit.triangle,
+            material.metallic_roughness_texture.as_ref(),
+            u,
+            v,
+        );
         let roughness = material.roughness * metallic_roughness.y;
         let specular = material.specular
-            * world.texture(hit.triangle, material.specular_texture.as_ref(), u, v).w;
+            * world
+                .texture(hit.triangle, material.specular_texture.as_ref(), u, v)
+                .w;
         let specular_color = material.specular_color
             * world
                 .texture(hit.triangle, material.specular_color_texture.as_ref(), u, v)
@@ -96,7 +102,11 @@ impl Surface {
     }
 
     pub(crate) fn to_local(&self, d: Vec3) -> Vec3 {
-        Vec3::new(d.dot(self.tangent), d.dot(self.bitangent), d.dot(self.normal))
+        Vec3::new(
+            d.dot(self.tangent),
+            d.dot(self.bitangent),
+            d.dot(self.normal),
+        )
     }
 
     pub(crate) fn to_world(&self, d: Vec3) -> Vec3 {

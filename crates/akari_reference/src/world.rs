@@ -286,9 +286,7 @@ impl<'a> World<'a> {
         let material = self.owner(triangle).0.material;
         match &material.emissive_texture {
             None => material.emission,
-            Some(t) => {
-                material.emission * self.texture(triangle, Some(t), u, v).truncate()
-            }
+            Some(t) => material.emission * self.texture(triangle, Some(t), u, v).truncate(),
         }
     }
 

@@ -55,13 +55,20 @@ fn check(no_occlusion: bool, reference: &str) -> Option<(Output, RgbImage, RgbIm
     let again = render_occluder(&folder, no_occlusion, 2);
     let pair = compare(&again.color, &output.color, Some(&mask)).unwrap();
     let noise = pair.rel_rmse / std::f64::consts::SQRT_2;
-    eprintln!("{reference}: {metrics:?}\nnoise {noise} {:?}", output.statistics);
+    eprintln!(
+        "{reference}: {metrics:?}\nnoise {noise} {:?}",
+        output.statistics
+    );
     assert_eq!(output.statistics.non_finite_samples, 0);
     assert_eq!(metrics.non_finite, 0);
     assert!(metrics.bias.abs() < 0.01, "bias {}", metrics.bias);
     // Both noises, and a quarter more for what estimates of noise are worth.
     let expected_error = noise.hypot(MITSUBA_NOISE);
-    assert!(metrics.rel_rmse < 1.25 * expected_error, "{} {expected_error}", metrics.rel_rmse);
+    assert!(
+        metrics.rel_rmse < 1.25 * expected_error,
+        "{} {expected_error}",
+        metrics.rel_rmse
+    );
     Some((output, expected, mask, metrics))
 }
 
@@ -74,7 +81,10 @@ fn unshadowed() {
     };
     // The comparison can fail: 3 % more light is found.
     let mut brighter = output.color;
-    brighter.data.iter_mut().for_each(|p| *p = p.map(|c| 1.03 * c));
+    brighter
+        .data
+        .iter_mut()
+        .for_each(|p| *p = p.map(|c| 1.03 * c));
     let wrong = compare(&brighter, &expected, Some(&mask)).unwrap();
     assert!(wrong.bias > metrics.bias + 0.025);
 }

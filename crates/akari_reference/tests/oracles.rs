@@ -3,9 +3,7 @@
 mod common;
 
 use akari_reference::analytic::{ggx_albedo, polygon_ggx_radiance, polygon_irradiance};
-use akari_scene::{
-    AreaLight, AreaLightShape, Environment, PunctualKind, PunctualLight, Scene,
-};
+use akari_scene::{AreaLight, AreaLightShape, Environment, PunctualKind, PunctualLight, Scene};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use std::f64::consts::PI;
@@ -30,10 +28,29 @@ fn lights() -> Vec<(&'static str, Vec<Vec3>)> {
         .collect();
     let at = |list: &[[f32; 3]]| list.iter().map(|p| Vec3::from(*p)).collect();
     vec![
-        ("triangle", at(&[[0.2, 1.0, 0.5], [0.9, 1.2, 0.3], [0.3, 1.4, -0.4]])),
-        ("quad", at(&[[-0.5, 1.5, -0.5], [0.5, 1.5, -0.5], [0.5, 1.5, 0.5], [-0.5, 1.5, 0.5]])),
+        (
+            "triangle",
+            at(&[[0.3, 1.4, -0.4], [0.9, 1.2, 0.3], [0.2, 1.0, 0.5]]),
+        ),
+        (
+            "quad",
+            at(&[
+                [-0.5, 1.5, -0.5],
+                [0.5, 1.5, -0.5],
+                [0.5, 1.5, 0.5],
+                [-0.5, 1.5, 0.5],
+            ]),
+        ),
         ("hexagon through the floor", hexagon),
-        ("small and far", at(&[[4.0, 9.0, 0.0], [4.1, 9.0, 0.0], [4.1, 9.0, 0.1], [4.0, 9.0, 0.1]])),
+        (
+            "small and far",
+            at(&[
+                [4.0, 9.0, 0.0],
+                [4.1, 9.0, 0.0],
+                [4.1, 9.0, 0.1],
+                [4.0, 9.0, 0.1],
+            ]),
+        ),
     ]
 }
 
@@ -137,9 +154,12 @@ fn white_furnace() {
         roughness: 0.3,
         ..lambert(1.0)
     };
-    for p in &run(&scene_with(coated, &[]), Some(&sky), &small()).color.data {
-        assert!(p[0] < 1.02 && p[0] > 0.85, "{p:?}");
-    }
+    let data = run(&scene_with(coated, &[]), Some(&sky), &small())
+        .color
+        .data;
+    let mean = data.iter().map(|p| p[0]).sum::<f32>() / data.len() as f32;
+    // glTF's Fresnel mix by V·H is not exactly conserving: a white base under a coat gains up to a percent.
+    assert!(mean < 1.02 && mean > 0.95, "{mean}");
 }
 
 #[test]
@@ -203,7 +223,9 @@ fn punctual_lights() {
     scene.punctual_lights = vec![point.clone()];
     assert_within_noise(&run(&scene, None, &small()), "point", at_point);
     scene.punctual_lights = vec![light(PunctualKind::Directional, 4.0)];
-    assert_within_noise(&run(&scene, None, &small()), "directional", |_| 0.5 / PI * 4.0);
+    assert_within_noise(&run(&scene, None, &small()), "directional", |_| {
+        0.5 / PI * 4.0
+    });
     let spot = PunctualKind::Spot {
         inner_cone_angle: 0.2,
         outer_cone_angle: 0.6,
@@ -224,8 +246,7 @@ fn punctual_lights() {
 fn draft_area_lights() {
     // A rectangle that looks down, against the polygon of the same shape; not seen by the camera, nor in the way.
     let mut scene = scene_with(lambert(0.5), &[]);
-    let down =
-        DAffine3::from_rotation_translation(DQuat::from_rotation_x(-PI / 2.0), DVec3::Y);
+    let down = DAffine3::from_rotation_translation(DQuat::from_rotation_x(-PI / 2.0), DVec3::Y);
     let light = |shape| AreaLight {
         name: "panel".into(),
         shape,

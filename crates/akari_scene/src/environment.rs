@@ -130,10 +130,8 @@ fn decode_hdr(path: &Path, bytes: &[u8]) -> Result<RgbImage, SceneError> {
             "write it again as .hdr or .exr",
         )
     };
-    let mut reader = image::ImageReader::with_format(
-        std::io::Cursor::new(bytes),
-        image::ImageFormat::Hdr,
-    );
+    let mut reader =
+        image::ImageReader::with_format(std::io::Cursor::new(bytes), image::ImageFormat::Hdr);
     reader.limits(crate::load::image_limits());
     let decoded = reader.decode().map_err(bad)?.into_rgb32f();
     Ok(RgbImage {
@@ -188,6 +186,9 @@ mod tests {
         }
         std::fs::write(&path, b"PNG?").unwrap();
         let message = Environment::load(&path).unwrap_err().to_string();
-        assert!(message.contains("map.hdr") && message.contains("convert"), "{message}");
+        assert!(
+            message.contains("map.hdr") && message.contains("convert"),
+            "{message}"
+        );
     }
 }

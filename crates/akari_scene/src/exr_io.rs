@@ -41,7 +41,10 @@ impl RgbImage {
     /// # Panics
     /// Outside of the image.
     pub fn pixel(&self, x: u32, y: u32) -> [f32; 3] {
-        assert!(x < self.width && y < self.height, "pixel outside of the image");
+        assert!(
+            x < self.width && y < self.height,
+            "pixel outside of the image"
+        );
         self.data[y as usize * self.width as usize + x as usize]
     }
 }
@@ -63,7 +66,9 @@ pub fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, SceneError> {
         )
     };
     let describe = |error: exr::error::Error| match error {
-        exr::error::Error::NotSupported(what) => format!("uses a feature that cannot be decoded ({what})"),
+        exr::error::Error::NotSupported(what) => {
+            format!("uses a feature that cannot be decoded ({what})")
+        }
         exr::error::Error::Invalid(what) => format!("is no valid EXR file ({what})"),
         exr::error::Error::Io(e) => format!("ends too early or cannot be read ({e})"),
         exr::error::Error::Aborted => "reading was aborted".to_owned(),
@@ -109,7 +114,11 @@ pub fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, SceneError> {
     };
     let rgb = match (find("R"), find("G"), find("B")) {
         (Some(r), Some(g), Some(b)) => [r, g, b],
-        _ => match find("Y").or(if channels.len() == 1 { channels.first() } else { None }) {
+        _ => match find("Y").or(if channels.len() == 1 {
+            channels.first()
+        } else {
+            None
+        }) {
             Some(y) => [y, y, y],
             None => {
                 let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
@@ -157,7 +166,12 @@ fn write_channels(
 ) -> Result<(), SceneError> {
     let size = (width as usize, height as usize);
     let bad = |problem: String| {
-        SceneError::invalid(path, "EXR output", problem, "this is a mistake of the caller")
+        SceneError::invalid(
+            path,
+            "EXR output",
+            problem,
+            "this is a mistake of the caller",
+        )
     };
     if size.0 == 0 || size.1 == 0 {
         return Err(bad(format!("the image has {width} x {height} pixels")));
@@ -218,11 +232,17 @@ mod tests {
         let path = folder.path().join("bad.exr");
         std::fs::write(&path, b"this is no EXR file at all").unwrap();
         let message = read_rgb(&path).unwrap_err().to_string();
-        assert!(message.contains("bad.exr") && message.contains("write it again"), "{message}");
+        assert!(
+            message.contains("bad.exr") && message.contains("write it again"),
+            "{message}"
+        );
         let image = RgbImage::filled(2, 2, [1.0; 3]);
         let nowhere = folder.path().join("missing/out.exr");
         let message = write_rgb(&nowhere, &image).unwrap_err().to_string();
-        assert!(message.contains("missing/out.exr") && message.contains("folder"), "{message}");
+        assert!(
+            message.contains("missing/out.exr") && message.contains("folder"),
+            "{message}"
+        );
         assert!(write_gray(&path, 2, 2, &[0.0]).is_err());
     }
 

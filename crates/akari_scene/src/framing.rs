@@ -200,7 +200,10 @@ mod tests {
                 .world_from_local
                 .inverse()
                 .transform_point3(p.as_dvec3());
-            assert!(q.z < 0.0 && q.x.abs() <= -q.z * t && q.y.abs() <= -q.z * t, "{q}");
+            assert!(
+                q.z < 0.0 && q.x.abs() <= -q.z * t && q.y.abs() <= -q.z * t,
+                "{q}"
+            );
         }
         assert_eq!(scene.select_camera(None).unwrap().name, "framed");
         assert!(scene.select_camera(Some("0")).is_err());

@@ -37,7 +37,9 @@ pub use framing::Bounds;
 pub use light_polygon::{
     LightPolygon, LightPolygonCandidate, LightPolygonRejection, UvMap, light_polygons,
 };
-pub use texture::{ColorSpace, Filter, Image, Pixels, Texture, Wrap, srgb_from_linear, linear_from_srgb};
+pub use texture::{
+    ColorSpace, Filter, Image, Pixels, Texture, Wrap, linear_from_srgb, srgb_from_linear,
+};
 pub use types::{
     AlphaMode, AreaLight, AreaLightShape, Camera, Instance, Material, Mesh, Primitive, Projection,
     PunctualKind, PunctualLight, Scene,

@@ -128,12 +128,7 @@ fn polygon_of(
             let used: Vec<(DVec3, DVec2)> = primitive
                 .indices
                 .iter()
-                .map(|&i| {
-                    (
-                        positions[i as usize].as_dvec3(),
-                        uvs[i as usize].as_dvec2(),
-                    )
-                })
+                .map(|&i| (positions[i as usize].as_dvec3(), uvs[i as usize].as_dvec2()))
                 .collect();
             Some(fit_uv(&vertices, &used)?)
         }
@@ -148,15 +143,10 @@ fn polygon_of(
 }
 
 /// Least-squares affine map of `points` in the plane of `vertices`.
-fn fit_uv(
-    vertices: &[Vec3],
-    points: &[(DVec3, DVec2)],
-) -> Result<UvMap, LightPolygonRejection> {
+fn fit_uv(vertices: &[Vec3], points: &[(DVec3, DVec2)]) -> Result<UvMap, LightPolygonRejection> {
     let origin = vertices[0].as_dvec3();
     let normal = (1..vertices.len() - 1)
-        .map(|i| {
-            (vertices[i].as_dvec3() - origin).cross(vertices[i + 1].as_dvec3() - origin)
-        })
+        .map(|i| (vertices[i].as_dvec3() - origin).cross(vertices[i + 1].as_dvec3() - origin))
         .sum::<DVec3>()
         .normalize_or(DVec3::Z);
     let (x_axis, y_axis) = normal.any_orthonormal_pair();
@@ -237,7 +227,10 @@ mod tests {
                         Vec3::new(1., 1., 0.),
                         Vec3::new(-1., 1., 0.),
                     ],
-                    uvs: [vec![Vec2::new(0., 1.), Vec2::ONE, Vec2::X, Vec2::ZERO], vec![]],
+                    uvs: [
+                        vec![Vec2::new(0., 1.), Vec2::ONE, Vec2::X, Vec2::ZERO],
+                        vec![],
+                    ],
                     indices: vec![0, 1, 2, 0, 2, 3],
                     ..Default::default()
                 }],

@@ -166,9 +166,7 @@ fn plane_normal(
     if area <= f64::MIN_POSITIVE {
         return Err(OutlineError::ZeroArea);
     }
-    let normal = sum
-        .try_normalize()
-        .ok_or(OutlineError::Inconsistent)?;
+    let normal = sum.try_normalize().ok_or(OutlineError::Inconsistent)?;
     Ok((normal, area))
 }
 
@@ -295,8 +293,7 @@ fn check_simple(
             }
             let (a, b) = (flat[i], flat[i + 1]);
             let (c, d) = (flat[j], flat[(j + 1) % n]);
-            let straddles =
-                |p: f64, q: f64| (p <= 0.0 && q >= 0.0) || (p >= 0.0 && q <= 0.0);
+            let straddles = |p: f64, q: f64| (p <= 0.0 && q >= 0.0) || (p >= 0.0 && q <= 0.0);
             // Collinear disjoint edges give four zeros; the boxes tell them from touching ones.
             let boxes_meet = a.min(b).cmple(c.max(d)).all() && c.min(d).cmple(a.max(b)).all();
             if boxes_meet

@@ -220,7 +220,11 @@ mod tests {
         assert_eq!(clamped.sample(&images, Vec2::new(7.3, 0.5)).x, 1.0);
         let bilinear = texture(Filter::Linear, Wrap::Clamp);
         assert!((bilinear.sample(&images, Vec2::new(0.5, 0.5)).x - 0.5).abs() < 1e-6);
-        assert!(bilinear.sample(&images, Vec2::new(f32::NAN, 0.5)).is_finite());
+        assert!(
+            bilinear
+                .sample(&images, Vec2::new(f32::NAN, 0.5))
+                .is_finite()
+        );
     }
 
     #[test]

@@ -104,7 +104,12 @@ pub fn to_srgb8(image: &RgbImage, scale: f32) -> Vec<u8> {
 pub fn write_png(path: &Path, image: &RgbImage, exposure: Exposure) -> Result<(), SceneError> {
     use image::ImageEncoder;
     let bad = |problem: String| {
-        SceneError::invalid(path, "PNG output", problem, "this is a mistake of the caller")
+        SceneError::invalid(
+            path,
+            "PNG output",
+            problem,
+            "this is a mistake of the caller",
+        )
     };
     if image.data.is_empty() || image.data.len() != image.width as usize * image.height as usize {
         return Err(bad(format!(
@@ -163,7 +168,12 @@ mod tests {
     fn png_is_readable() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        write_png(&path, &RgbImage::filled(4, 3, [1.0, 0.5, 0.25]), Exposure::Ev(0.0)).unwrap();
+        write_png(
+            &path,
+            &RgbImage::filled(4, 3, [1.0, 0.5, 0.25]),
+            Exposure::Ev(0.0),
+        )
+        .unwrap();
         let bytes = std::fs::read(&path).unwrap();
         let read = image::load_from_memory(&bytes).unwrap().into_rgb8();
         assert_eq!((read.width(), read.height()), (4, 3));

@@ -65,7 +65,8 @@ fn damaged_json_structure() {
     let text = glb.json.to_string();
     let starts: Vec<usize> = (1..text.len())
         .filter(|&i| {
-            text.as_bytes()[i].is_ascii_digit() && matches!(text.as_bytes()[i - 1], b':' | b'[' | b',')
+            text.as_bytes()[i].is_ascii_digit()
+                && matches!(text.as_bytes()[i - 1], b':' | b'[' | b',')
         })
         .collect();
     for start in starts {
@@ -105,7 +106,10 @@ fn accessor_out_of_range() {
     let mut glb = Glb::quad();
     glb.json["accessors"][0]["count"] = json!(400);
     let message = load_err(&glb.bytes());
-    assert!(message.contains("mesh 'Wall'") && message.contains("400 elements"), "{message}");
+    assert!(
+        message.contains("mesh 'Wall'") && message.contains("400 elements"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -113,7 +117,10 @@ fn huge_index() {
     let mut glb = Glb::quad();
     glb.set_index(4, 60000);
     let message = load_err(&glb.bytes());
-    assert!(message.contains("index[4] = 60000 is out of range (4 vertices)"), "{message}");
+    assert!(
+        message.contains("index[4] = 60000 is out of range (4 vertices)"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -179,5 +186,9 @@ fn degenerate_triangles_are_dropped_with_a_count() {
     let primitive = &scene.meshes[0].primitives[0];
     assert_eq!(primitive.indices.len(), 3);
     assert_eq!(primitive.degenerate_triangles, 1);
-    assert!(scene.warnings[0].contains("1 of 2 triangles"), "{:?}", scene.warnings);
+    assert!(
+        scene.warnings[0].contains("1 of 2 triangles"),
+        "{:?}",
+        scene.warnings
+    );
 }

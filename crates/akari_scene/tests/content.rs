@@ -61,14 +61,20 @@ fn material_and_extensions() {
     let emissive = m.emissive_texture.as_ref().unwrap();
     assert_eq!(emissive.color_space, ColorSpace::Srgb);
     assert_eq!(emissive.filter, Filter::Nearest);
-    assert_eq!((emissive.wrap_u, emissive.wrap_v), (Wrap::Clamp, Wrap::Mirror));
+    assert_eq!(
+        (emissive.wrap_u, emissive.wrap_v),
+        (Wrap::Clamp, Wrap::Mirror)
+    );
     // offset + R·S·uv with R(90°) = [[0, 1], [−1, 0]]: (1, 1) → (0.5 + 3, 0.25 − 2).
     let uv = emissive.transform.transform_point2(Vec2::ONE);
     assert!((uv - Vec2::new(3.5, -1.75)).length() < 1e-6, "{uv}");
     let metallic_roughness = m.metallic_roughness_texture.as_ref().unwrap();
     assert_eq!(metallic_roughness.color_space, ColorSpace::Linear);
     let normal = m.normal_texture.as_ref().unwrap();
-    assert_eq!(normal.transform.transform_point2(Vec2::ONE), Vec2::new(2.0, 3.0));
+    assert_eq!(
+        normal.transform.transform_point2(Vec2::ONE),
+        Vec2::new(2.0, 3.0)
+    );
     // One image, decoded once, for three uses.
     assert_eq!(scene.images.len(), 1);
     let red = scene.images[0].texel(1, 0, ColorSpace::Srgb);
@@ -118,7 +124,10 @@ fn cameras_and_lights() {
     assert_eq!(spot.range, Some(3.0));
     assert_eq!(
         spot.kind,
-        PunctualKind::Spot { inner_cone_angle: 0.1, outer_cone_angle: 0.5 }
+        PunctualKind::Spot {
+            inner_cone_angle: 0.1,
+            outer_cone_angle: 0.5
+        }
     );
     let m = spot.world_from_local.matrix3;
     assert!((m.determinant() - 1.0).abs() < 1e-9, "rigid");
@@ -128,7 +137,10 @@ fn cameras_and_lights() {
     assert_eq!((width, height), (3.0, 1.5));
     assert_eq!(scene.area_lights[0].radiance, Vec3::splat(200.0));
     assert_eq!(scene.area_lights[1].radiance, Vec3::new(1000.0, 0.0, 0.0));
-    assert_eq!(scene.area_lights[1].shape, AreaLightShape::Disk { diameter: 1.0 });
+    assert_eq!(
+        scene.area_lights[1].shape,
+        AreaLightShape::Disk { diameter: 1.0 }
+    );
     // A light that does not exist.
     glb.json["nodes"][4]["extensions"]["EXT_lights_area"]["light"] = json!(7);
     assert!(common::load_err(&glb.bytes()).contains("there is no such light"));
@@ -143,7 +155,11 @@ fn an_emissive_quad_is_a_light_polygon() {
     assert_eq!(found[0].result.as_ref().unwrap().vertices.len(), 4);
     glb.set_position(2, [1.0, 1.0, 0.5]);
     let scene = load(&glb.bytes());
-    let reason = light_polygons(&scene)[0].result.clone().unwrap_err().to_string();
+    let reason = light_polygons(&scene)[0]
+        .result
+        .clone()
+        .unwrap_err()
+        .to_string();
     assert!(reason.contains("not planar"), "{reason}");
 }
 

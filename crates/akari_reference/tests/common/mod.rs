@@ -113,7 +113,8 @@ pub fn assert_within_noise(
     assert!(noise < 0.1, "{label}: too noisy to tell");
     // Four standard errors of the mean.
     assert!(
-        bias.abs() < 4.0 * noise / count.sqrt() * (squares / count).sqrt() / (sum / count) + ROUNDING,
+        bias.abs()
+            < 4.0 * noise / count.sqrt() * (squares / count).sqrt() / (sum / count) + ROUNDING,
         "{label}: bias {bias}"
     );
     bias

@@ -50,13 +50,23 @@ pub(super) fn load(
 pub(super) fn read_uri(path: &Path, uri: &str, place: &str) -> Result<Vec<u8>, SceneError> {
     if let Some(rest) = uri.strip_prefix("data:") {
         let Some((header, payload)) = rest.split_once(',') else {
-            return Err(SceneError::invalid(path, place, "its data URI has no comma", REEXPORT));
+            return Err(SceneError::invalid(
+                path,
+                place,
+                "its data URI has no comma",
+                REEXPORT,
+            ));
         };
         return if header.ends_with(";base64") {
             base64::engine::general_purpose::STANDARD
                 .decode(payload.trim())
                 .map_err(|e| {
-                    SceneError::invalid(path, place, format!("its data URI is no base64 ({e})"), REEXPORT)
+                    SceneError::invalid(
+                        path,
+                        place,
+                        format!("its data URI is no base64 ({e})"),
+                        REEXPORT,
+                    )
                 })
         } else {
             Ok(percent_decode(payload))
@@ -269,7 +279,10 @@ impl Loader<'_> {
         if !allowed.contains(&accessor.dimensions()) {
             return Err(self.invalid(
                 place,
-                format!("{attribute} is {:?}, not {allowed:?}", accessor.dimensions()),
+                format!(
+                    "{attribute} is {:?}, not {allowed:?}",
+                    accessor.dimensions()
+                ),
                 REEXPORT,
             ));
         }

@@ -173,13 +173,16 @@ fn convert(
         ));
     }
     for (name, present) in [
-        ("KHR_materials_transmission", material.transmission().is_some()),
+        (
+            "KHR_materials_transmission",
+            material.transmission().is_some(),
+        ),
         ("KHR_materials_volume", material.volume().is_some()),
     ] {
         if present {
-            loader
-                .warnings
-                .push(format!("{place}: {name} is not honoured, the surface is opaque"));
+            loader.warnings.push(format!(
+                "{place}: {name} is not honoured, the surface is opaque"
+            ));
         }
     }
     let mut within = |value: f32, low: f32, high: f32, what: &str| {
@@ -192,7 +195,10 @@ fn convert(
         }
         clamped
     };
-    let base_color = Vec4::from(pbr.base_color_factor().map(|c| within(c, 0.0, 1.0, "base colour")));
+    let base_color = Vec4::from(
+        pbr.base_color_factor()
+            .map(|c| within(c, 0.0, 1.0, "base colour")),
+    );
     let metallic = within(pbr.metallic_factor(), 0.0, 1.0, "metallicFactor");
     let roughness = within(pbr.roughness_factor(), 0.0, 1.0, "roughnessFactor");
     let specular_factor = specular
@@ -252,7 +258,10 @@ fn convert_slot(
     if slot.tex_coord > 1 {
         return Err(loader.invalid(
             place,
-            format!("uses TEXCOORD_{}, and only 0 and 1 are read", slot.tex_coord),
+            format!(
+                "uses TEXCOORD_{}, and only 0 and 1 are read",
+                slot.tex_coord
+            ),
             "move its coordinates to TEXCOORD_0 or 1",
         ));
     }

@@ -28,7 +28,8 @@ pub(super) fn load(loader: &mut Loader, scene: &mut Scene) -> Result<(), SceneEr
             needs_default |= material.is_none();
             let mut converted = convert(loader, &primitive, &place)?;
             converted.material = material.unwrap_or(default_material);
-            if let Some(texture) = material.and_then(|m| scene.materials[m].normal_texture.as_ref()) {
+            if let Some(texture) = material.and_then(|m| scene.materials[m].normal_texture.as_ref())
+            {
                 make_tangents(&mut converted, texture.tex_coord);
             }
             primitives.push(converted);
@@ -53,10 +54,13 @@ fn convert(
     place: &str,
 ) -> Result<Primitive, SceneError> {
     let mode = primitive.mode();
-    if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-        loader
-            .warnings
-            .push(format!("{place}: {mode:?} are not drawn, only triangles are"));
+    if !matches!(
+        mode,
+        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
+    ) {
+        loader.warnings.push(format!(
+            "{place}: {mode:?} are not drawn, only triangles are"
+        ));
         return Ok(Primitive::default());
     }
     if primitive.morph_targets().len() > 0 {
@@ -155,13 +159,22 @@ fn triangles_of(indices: &[u32], mode: Mode) -> Vec<[u32; 3]> {
         Mode::TriangleStrip => indices
             .windows(3)
             .enumerate()
-            .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] })
+            .map(|(i, t)| {
+                if i % 2 == 0 {
+                    [t[0], t[1], t[2]]
+                } else {
+                    [t[0], t[2], t[1]]
+                }
+            })
             .collect(),
         Mode::TriangleFan => match indices.split_first() {
             Some((&hub, rim)) => rim.windows(2).map(|t| [t[0], t[1], hub]).collect(),
             None => Vec::new(),
         },
-        _ => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        _ => indices
+            .chunks_exact(3)
+            .map(|t| [t[0], t[1], t[2]])
+            .collect(),
     }
 }
 
@@ -261,10 +274,7 @@ fn make_tangents(primitive: &mut Primitive, tex_coord: usize) {
         let bitangent = ((e2 * d1.x - e1 * d2.x) * determinant.signum()).normalize_or_zero();
         for k in 0..3 {
             let to = |j: usize| (p[j] - p[k]).normalize_or_zero();
-            let angle = to((k + 1) % 3)
-                .dot(to((k + 2) % 3))
-                .clamp(-1.0, 1.0)
-                .acos();
+            let angle = to((k + 1) % 3).dot(to((k + 2) % 3)).clamp(-1.0, 1.0).acos();
             tangents[t[k]] += angle * tangent;
             bitangents[t[k]] += angle * bitangent;
         }

@@ -19,7 +19,9 @@ const AREA_LIGHTS: &str = "EXT_lights_area";
 
 pub(super) fn load(loader: &mut Loader, scene: &mut Scene) -> Result<(), SceneError> {
     let document = loader.document;
-    let gltf_scene = document.default_scene().or_else(|| document.scenes().next());
+    let gltf_scene = document
+        .default_scene()
+        .or_else(|| document.scenes().next());
     let stem = loader
         .path
         .file_stem()
@@ -39,10 +41,7 @@ pub(super) fn load(loader: &mut Loader, scene: &mut Scene) -> Result<(), SceneEr
             for child in document.nodes().flat_map(|n| n.children()) {
                 is_child[child.index()] = true;
             }
-            document
-                .nodes()
-                .filter(|n| !is_child[n.index()])
-                .collect()
+            document.nodes().filter(|n| !is_child[n.index()]).collect()
         }
     };
     // An explicit stack: a file may nest deeper than the thread's stack. Reversed, so that the order is the file's.
@@ -74,9 +73,7 @@ pub(super) fn load(loader: &mut Loader, scene: &mut Scene) -> Result<(), SceneEr
         stack.extend(children.into_iter().rev().map(|c| (c, world)));
     }
     if scene.instances.is_empty() {
-        loader
-            .warnings
-            .push("the scene shows no mesh".to_owned());
+        loader.warnings.push("the scene shows no mesh".to_owned());
     }
     Ok(())
 }
@@ -229,7 +226,11 @@ fn projection(
             Ok(Projection::Perspective {
                 yfov: p.yfov(),
                 aspect: p.aspect_ratio().filter(|a| *a > 0.0 && a.is_finite()),
-                znear: if p.znear().is_finite() { p.znear().max(0.0) } else { 0.0 },
+                znear: if p.znear().is_finite() {
+                    p.znear().max(0.0)
+                } else {
+                    0.0
+                },
                 zfar: p.zfar().filter(|z| *z > 0.0 && z.is_finite()),
             })
         }
@@ -266,7 +267,10 @@ fn intensity(
     } else {
         Err(loader.invalid(
             place,
-            format!("its intensity {intensity} with colour {:?}", color.to_array()),
+            format!(
+                "its intensity {intensity} with colour {:?}",
+                color.to_array()
+            ),
             "both must be finite and not negative",
         ))
     }

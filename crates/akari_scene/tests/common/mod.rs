@@ -21,7 +21,12 @@ impl Glb {
     /// One quad [−1, 1]² in the plane z = 0, facing +Z, with a 2 × 2 PNG.
     pub fn quad() -> Self {
         let mut bin = Vec::new();
-        for p in [[-1.0_f32, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]] {
+        for p in [
+            [-1.0_f32, -1.0, 0.0],
+            [1.0, -1.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [-1.0, 1.0, 0.0],
+        ] {
             p.iter().for_each(|c| bin.extend(c.to_le_bytes()));
         }
         for uv in [[0.0_f32, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]] {

@@ -3,7 +3,8 @@
 #import bevy_render::view::View
 #import akari_math::area_light::{dielectric_f0_from_reflectance, dielectric_f90_from_f0}
 #import akari_math::tile_bounds::{
-    box_behind_plane, box_distance_squared, box_plane_distance, form_factor_bound, lobe_bound, sphere_touches_box,
+    box_behind_plane, box_distance_squared, box_plane_distance, contribution_bound, form_factor_bound,
+    solid_angle_bound, sphere_touches_box,
 }
 #import akari_area_light::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
 #import akari_area_light::types::{
@@ -61,13 +62,13 @@ fn verdict(light: AreaLight, box_min: vec3<f32>, box_max: vec3<f32>, alpha_min: 
             height = max(height, box_plane_distance(box_min, box_max, -plane));
         }
         let distance_squared = box_distance_squared(center, box_min, box_max);
-        let diffuse = form_factor_bound(light.area, light.radius, distance_squared, height);
-        var specular = 0.0;
-        if alpha_min < NO_ALPHA {
-            specular = lobe_bound(diffuse, alpha_min);
-        }
+        let solid_angle = solid_angle_bound(light.area, light.radius, distance_squared, height);
         let radiance = max(max(light.radiance.r, light.radiance.g), light.radiance.b) * view.exposure;
-        if radiance * (diffuse + specular) < area_view.cutoff_per_light {
+        var bound = radiance * form_factor_bound(solid_angle);
+        if alpha_min < NO_ALPHA {
+            bound = contribution_bound(radiance, solid_angle, alpha_min);
+        }
+        if bound < area_view.cutoff_per_light {
             return BELOW_CUTOFF;
         }
     }

@@ -135,10 +135,10 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     let n_dot_v = clamp(dot(surface.normal_ws, view_ws), MIN_N_DOT_V, 1.0);
 
     let reflectance = surface_reflectance(surface.base_color, surface.metallic, surface.reflectance);
-    let base = layer_from_table(surface.perceptual_roughness, n_dot_v, reflectance.f0, reflectance.f90);
+    let base = layer_from_table(surface.perceptual_roughness, n_dot_v, reflectance.normal_reflectance, reflectance.grazing_reflectance);
     let diffuse_albedo = reflectance.diffuse_color
-        * diffuse_transmission(vec3(reflectance.dielectric_f0), reflectance.dielectric_f90, base.diffuse_fresnel);
-    let glossy = reflectance.f90 > 0.0;
+        * diffuse_transmission(vec3(reflectance.dielectric_normal_reflectance), reflectance.dielectric_grazing_reflectance, base.diffuse_fresnel);
+    let glossy = reflectance.grazing_reflectance > 0.0;
 
     var coat: Layer;
     var coat_transmission = 1.0;

@@ -44,6 +44,7 @@ pub struct EffectState {
 ///
 /// Written in [`AkariSystems::Demand`](crate::AkariSystems::Demand); readable at any time.
 #[derive(Resource, Debug, Default, Clone, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
 pub struct EffectReport {
     effects: BTreeMap<&'static str, EffectState>,
 }

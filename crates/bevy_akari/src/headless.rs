@@ -16,6 +16,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
 use bevy::render::settings::{RenderCreation, WgpuSettings};
 use bevy::render::{RenderApp, RenderPlugin};
+use bevy::shader::ShaderCacheError;
 use bevy::tasks::tick_global_task_pools_on_main_thread;
 use bevy::window::{ExitCondition, WindowPlugin};
 use std::collections::BTreeMap;
@@ -144,6 +145,14 @@ pub struct HeadlessTarget {
     pub image: Handle<Image>,
     /// Its size.
     pub size: UVec2,
+}
+
+/// What is wrong with a shader: the message and what it hints at, without the composed source.
+fn pipeline_error(error: &ShaderCacheError) -> String {
+    /// Characters of the details that are worth printing: beyond them stands the source.
+    const DETAILS: usize = 600;
+    let details: String = format!("{error:?}").chars().take(DETAILS).collect();
+    format!("{error} ({details} ...)")
 }
 
 /// Exposure that leaves radiance as it is: Bevy's factor is 1 / (1.2 · 2^ev100).
@@ -311,12 +320,15 @@ impl Headless {
             return Ok(0);
         };
         for pipeline in cache.pipelines() {
-            if let CachedPipelineState::Err(error) = &pipeline.state {
-                // A shader or import that is still being loaded is reported as an error, too.
-                let text = error.to_string();
-                if !text.contains("not yet available") && !text.contains("not loaded") {
-                    return Err(HeadlessError::Pipeline(text));
+            match &pipeline.state {
+                // A shader or import that is still being loaded is retried, and counts as waiting.
+                CachedPipelineState::Err(
+                    ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
+                ) => {}
+                CachedPipelineState::Err(error) => {
+                    return Err(HeadlessError::Pipeline(pipeline_error(error)));
                 }
+                _ => {}
             }
         }
         Ok(cache.waiting_pipelines().count())

@@ -40,7 +40,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::special", include_str!("special.wgsl")),
     ("akari_math::frame", include_str!("frame.wgsl")),
     ("akari_math::octahedral", include_str!("octahedral.wgsl")),
-    ("akari_math::lobe_packing", include_str!("lobe_packing.wgsl")),
+    (
+        "akari_math::lobe_packing",
+        include_str!("lobe_packing.wgsl"),
+    ),
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
     ("akari_math::polygon", include_str!("polygon.wgsl")),

@@ -62,6 +62,12 @@ pub fn horizon_crossing(a: Vec3, b: Vec3) -> Vec3 {
     )
 }
 
+/// Whether an edge between two unit directions runs along the horizon and over more than a right angle.
+#[must_use]
+pub fn is_long_horizon_edge(a: Vec3, b: Vec3) -> bool {
+    a.z == 0.0 && b.z == 0.0 && a.dot(b) < 0.0
+}
+
 /// Middle of the arc between two unit directions on the horizon that are more than a right angle apart, up to a
 /// positive scale.
 ///

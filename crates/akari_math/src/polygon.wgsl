@@ -41,6 +41,11 @@ fn horizon_crossing(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(weight_a * a.xy + weight_b * b.xy, 0.0);
 }
 
+// Whether an edge between two unit directions runs along the horizon and over more than a right angle.
+fn is_long_horizon_edge(a: vec3<f32>, b: vec3<f32>) -> bool {
+    return a.z == 0.0 && b.z == 0.0 && dot(a, b) < 0.0;
+}
+
 // Middle of the arc between two unit directions on the horizon that are more than a right angle apart.
 fn horizon_middle(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     let chord = b.xy - a.xy;

@@ -11,17 +11,26 @@
 //!
 //! **Sign**: counter-clockwise as seen from the shading point is positive. The integrals `.z` are then in `[0, 1]`.
 //!
-//! **Error** (test `hard_classes`, f64 reference on the same vertices): absolute 5e-7 for tiny (1e-5), far (1e4 m), huge
-//! (1e4), horizon-crossing, near-plane (1e-6), sliver (1e-6) and concave polygons, on CPU and GPU, never non-finite;
-//! for a narrow lobe, 5e-7 plus 2e-7 times the stretch of `M⁻¹`, the effect of rounding the vertices themselves.
-//! Vertices at the shading point are left out; a polygon without area gives 0.
+//! **Error** (test `hard_classes`, f64 reference on the same vertices, CPU and GPU): absolute 5e-7 for tiny (1e-5), far
+//! (1e4 m), huge (1e4), horizon-crossing, near-plane (1e-6), sliver (1e-6) and concave polygons, without a transform and
+//! with those of rough lobes. Besides:
+//!
+//! - a lobe of width α magnifies the rounding of directions: 5e-7 + 2e-8/α (test `lobes_magnify_rounding`);
+//! - the integral jumps where the shading point crosses the polygon's plane inside the polygon, by up to 1. Nearer to
+//!   that plane than 1e-6 of the polygon's extent, f32 vertices do not tell the side where the polygon crosses the
+//!   horizon too; the result is then the one or the other;
+//! - small polygons have a relative error of about 1e-7 over the angle that they subtend;
+//! - nothing is ever non-finite (test `degenerate_polygons`). Vertices at the shading point are left out; a polygon
+//!   without area gives 0.
 //!
 //! WGSL module: `akari_math::ltc::polygon`.
 
 use crate::form_factor::{
     FormFactorChain, form_factor_chain_close, form_factor_chain_new, form_factor_chain_push,
 };
-use crate::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle};
+use crate::polygon::{
+    HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle, is_long_horizon_edge,
+};
 use crate::special::scale_to_unit_box;
 use glam::{Mat3, Vec3};
 
@@ -145,11 +154,10 @@ pub fn ltc_polygon_push_visible(polygon: &mut LtcPolygon, m_inv: Mat3, vertex: V
     let previous = polygon.chain.previous;
     polygon.chain = form_factor_chain_push(polygon.chain, vertex);
     let latest = polygon.chain.previous;
-    let is_long = previous.z == 0.0 && latest.z == 0.0 && previous.dot(latest) < 0.0;
-    if is_long {
+    if is_long_horizon_edge(previous, latest) {
         ltc_polygon_push_lobe(polygon, m_inv * horizon_middle(previous, latest));
     }
-    ltc_polygon_push_lobe(polygon, m_inv * latest);
+    ltc_polygon_push_lobe(polygon, m_inv * vertex);
 }
 
 /// Second clip, at the horizon of the cosine space of the lobe.
@@ -175,12 +183,11 @@ pub fn ltc_polygon_close(polygon: &mut LtcPolygon, m_inv: Mat3) {
     if polygon.clip.previous != polygon.clip.first {
         ltc_polygon_push(polygon, m_inv, polygon.clip.first);
     }
-    if polygon.chain.started != 0 {
-        ltc_polygon_push_visible(polygon, m_inv, polygon.chain.first);
+    let (first, latest) = (polygon.chain.first, polygon.chain.previous);
+    if is_long_horizon_edge(latest, first) {
+        ltc_polygon_push_lobe(polygon, m_inv * horizon_middle(latest, first));
     }
-    if polygon.lobe_clip.previous != polygon.lobe_clip.first {
-        ltc_polygon_push_lobe(polygon, polygon.lobe_clip.first);
-    }
+    ltc_polygon_push_lobe(polygon, polygon.lobe_clip.first);
     polygon.diffuse = form_factor_chain_close(polygon.chain);
     polygon.specular = form_factor_chain_close(polygon.lobe_chain);
 }

@@ -4,7 +4,7 @@
 
 #import akari_math::special::scale_to_unit_box
 #import akari_math::form_factor::{FormFactorChain, form_factor_chain_new, form_factor_chain_push, form_factor_chain_close}
-#import akari_math::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle}
+#import akari_math::polygon::{HorizonClip, horizon_clip_new, horizon_clip_push, horizon_middle, is_long_horizon_edge}
 
 // Clamped-cosine integral over a polygon, for Lambert surfaces.
 struct LambertPolygon {
@@ -108,9 +108,8 @@ fn ltc_polygon_push_visible(polygon: ptr<function, LtcPolygon>, m_inv: mat3x3<f3
     let latest = (*polygon).chain.previous;
     // The plane of a long edge along the horizon is known exactly here, but not from its ends once they are
     // transformed and rounded: a third point keeps it.
-    let is_long = previous.z == 0.0 && latest.z == 0.0 && dot(previous, latest) < 0.0;
-    for (var k = select(1u, 0u, is_long); k < 2u; k++) {
-        var point = latest;
+    for (var k = select(1u, 0u, is_long_horizon_edge(previous, latest)); k < 2u; k++) {
+        var point = vertex;
         if k == 0u {
             point = horizon_middle(previous, latest);
         }
@@ -140,11 +139,14 @@ fn ltc_polygon_close(polygon: ptr<function, LtcPolygon>, m_inv: mat3x3<f32>) {
     if any((*polygon).clip.previous != (*polygon).clip.first) {
         ltc_polygon_push(polygon, m_inv, (*polygon).clip.first);
     }
-    if (*polygon).chain.started != 0u {
-        ltc_polygon_push_visible(polygon, m_inv, (*polygon).chain.first);
-    }
-    if any((*polygon).lobe_clip.previous != (*polygon).lobe_clip.first) {
-        ltc_polygon_push_lobe(polygon, (*polygon).lobe_clip.first);
+    let first = (*polygon).chain.first;
+    let latest = (*polygon).chain.previous;
+    for (var k = select(1u, 0u, is_long_horizon_edge(latest, first)); k < 2u; k++) {
+        var point = (*polygon).lobe_clip.first;
+        if k == 0u {
+            point = m_inv * horizon_middle(latest, first);
+        }
+        ltc_polygon_push_lobe(polygon, point);
     }
     (*polygon).diffuse = form_factor_chain_close((*polygon).chain);
     (*polygon).specular = form_factor_chain_close((*polygon).lobe_chain);

@@ -182,7 +182,8 @@ pub fn cases() -> Vec<Case> {
         },
         Case {
             module: POLYGON,
-            functions: &["horizon_clip_push", "horizon_clip_new", "horizon_crossing", "horizon_middle", "above_horizon"],
+            functions: &["horizon_clip_push", "horizon_clip_new", "horizon_crossing", "horizon_middle",
+                "is_long_horizon_edge", "above_horizon"],
             imports: "",
             body: "let first = horizon_clip_push(horizon_clip_new(), x_vec3(0u));
                 let step = horizon_clip_push(first.clip, x_vec3(3u));
@@ -192,9 +193,10 @@ pub fn cases() -> Vec<Case> {
                 y_vec3(7u, step.clip.previous);
                 y_vec3(10u, horizon_crossing(x_vec3(0u), x_vec3(3u)));
                 y(13u, f32(above_horizon(x_vec3(3u))));
-                y_vec3(14u, horizon_middle(x_vec3(0u), x_vec3(3u)));",
+                y_vec3(14u, horizon_middle(x_vec3(0u), x_vec3(3u)));
+                y(17u, select(0.0, 1.0, is_long_horizon_edge(x_vec3(0u), x_vec3(3u))));",
             inputs: 6,
-            outputs: 17,
+            outputs: 18,
             twin: |x, y| {
                 let first = polygon::horizon_clip_push(polygon::horizon_clip_new(), vec3(x, 0));
                 let step = polygon::horizon_clip_push(first.clip, vec3(x, 3));
@@ -205,6 +207,7 @@ pub fn cases() -> Vec<Case> {
                 push3(y, polygon::horizon_crossing(vec3(x, 0), vec3(x, 3)));
                 y.push(polygon::above_horizon(vec3(x, 3)) as f32);
                 push3(y, polygon::horizon_middle(vec3(x, 0), vec3(x, 3)));
+                y.push(f32::from(u8::from(polygon::is_long_horizon_edge(vec3(x, 0), vec3(x, 3)))));
             },
             oracle: None,
             domains: vec![
@@ -224,13 +227,18 @@ pub fn cases() -> Vec<Case> {
                             rows.extend([1.0, 0.3, z, -0.4, 1.0, w]);
                         }
                     }
-                    rows
+                    for k in 0..32 {
+                            let (sine, cosine) = (0.2 * k as f32).sin_cos();
+                            rows.extend([1.0, 0.0, 0.0, cosine, sine, 0.0]);
+                        }
+                        rows
                 }, ulp(0), ulp_of(2, 1.0)),
             ],
             mutations: vec![
                 mutation(POLYGON, "ON_PLANE: f32 = 1e-7", "ON_PLANE: f32 = 2e-7"),
                 mutation(POLYGON, "let weight_a = abs(b.z)", "let weight_a = b.z"),
                 mutation(POLYGON, "turn * chord.y", "chord.y"),
+                mutation(POLYGON, "dot(a, b) < 0.0", "dot(a, b) < 0.5"),
                 mutation(POLYGON, "inside != clip.inside", "inside == clip.inside"),
             ],
         },
@@ -285,7 +293,7 @@ pub fn cases() -> Vec<Case> {
             ],
             mutations: vec![
                 mutation(LTC, "form_factor_chain_close((*polygon).lobe_chain)", "form_factor_chain_close((*polygon).chain)"),
-                mutation(LTC, "m_inv * point", "point"),
+                mutation(LTC, "m_inv * point);", "point);"),
                 mutation(LTC, "select(scaled, step.crossing, is_crossing));", "select(step.crossing, scaled, is_crossing));"),
                 mutation(LTC, "if all(scaled == vec3<f32>(0.0)) {\n        return;\n    }\n    let step = horizon_clip_push((*polygon).clip, scaled);\n    (*polygon).clip = step.clip;\n    // A loop", "let step = horizon_clip_push((*polygon).clip, scaled + vec3<f32>(0.0, 0.0, 1e-4));\n    (*polygon).clip = step.clip;\n    // A loop"),
             ],

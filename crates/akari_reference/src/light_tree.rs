@@ -10,7 +10,7 @@ use glam::Vec3;
 use crate::world::Emitter;
 
 /// Most emitters of a leaf: a typical polygonal light is one leaf, so that its triangles are weighed exactly.
-const LEAF_SIZE: usize = 8;
+pub(crate) const LEAF_SIZE: usize = 8;
 
 #[derive(Clone, Copy)]
 struct Node {

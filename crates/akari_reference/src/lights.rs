@@ -4,7 +4,7 @@ use akari_scene::{Environment, PunctualKind};
 use glam::{DVec3, Vec3};
 
 use crate::environment::EnvironmentSampler;
-use crate::light_tree::LightTree;
+use crate::light_tree::{LEAF_SIZE, LightTree};
 use crate::ray_scene::{Cwbvh, Hit, Ray, RayScene, offset_for};
 use crate::spherical;
 use crate::world::{Emitter, EmitterSource, World};
@@ -84,9 +84,17 @@ impl Punctual {
 }
 
 /// What an emitter may contribute at a point: solid angle and weight for choosing it.
+#[derive(Clone, Copy)]
 struct Weighed {
     solid_angle: f64,
     weight: f64,
+}
+
+impl Weighed {
+    const NONE: Self = Self {
+        solid_angle: 0.0,
+        weight: 0.0,
+    };
 }
 
 impl<'a> Lights<'a> {
@@ -134,20 +142,16 @@ impl<'a> Lights<'a> {
     }
 
     fn weigh(&self, emitter: &Emitter, p: DVec3, n: DVec3) -> Weighed {
-        let none = Weighed {
-            solid_angle: 0.0,
-            weight: 0.0,
-        };
         let [a, b, c] = emitter.vertices.map(|v| v.as_dvec3() - p);
         let facing = -emitter.normal.as_dvec3().dot(a);
         if facing <= 0.0 && !emitter.double_sided {
-            return none;
+            return Weighed::NONE;
         }
         let cosine = |v: DVec3| v.dot(n) / v.length().max(f64::MIN_POSITIVE);
         let cosines = [cosine(a), cosine(b), cosine(c)];
         let highest = cosines.iter().fold(0.0, |m: f64, c| m.max(*c));
         if highest <= 0.0 {
-            return none;
+            return Weighed::NONE;
         }
         let mean =
             0.25 * (cosines.iter().map(|c| c.max(0.0)).sum::<f64>() + cosine(a + b + c).max(0.0));
@@ -186,28 +190,28 @@ impl<'a> Lights<'a> {
         let (leaf, leaf_probability) = self.tree.sample(p, n, &mut choice)?;
         let (p64, n64) = (p.as_dvec3(), n.as_dvec3());
         let emitters = &self.world.emitters;
-        let mut weights = [0.0_f64; 8];
+        let mut candidates = [Weighed::NONE; LEAF_SIZE];
         let mut sum = 0.0;
-        for (w, &i) in weights.iter_mut().zip(leaf) {
-            *w = self.weigh(&emitters[i as usize], p64, n64).weight;
-            sum += *w;
+        for (candidate, &i) in candidates.iter_mut().zip(leaf) {
+            *candidate = self.weigh(&emitters[i as usize], p64, n64);
+            sum += candidate.weight;
         }
         if !(sum > 0.0) {
             return None;
         }
         let mut rest = f64::from(choice) * sum;
-        let last = weights[..leaf.len()].iter().rposition(|w| *w > 0.0)?;
+        let last = candidates.iter().rposition(|c| c.weight > 0.0)?;
         let chosen = (0..last)
             .find(|&k| {
-                if rest < weights[k] {
+                if rest < candidates[k].weight {
                     return true;
                 }
-                rest -= weights[k];
+                rest -= candidates[k].weight;
                 false
             })
             .unwrap_or(last);
         let emitter = &emitters[leaf[chosen] as usize];
-        let weighed = self.weigh(emitter, p64, n64);
+        let weighed = candidates[chosen];
         let [a, b, c] = emitter.vertices.map(|v| v.as_dvec3() - p64);
         let (u1, u2) = (f64::from(u[1]), f64::from(u[2]));
         let direction = if weighed.solid_angle >= MIN_SOLID_ANGLE {
@@ -216,7 +220,7 @@ impl<'a> Lights<'a> {
             let root = u1.sqrt();
             (a * (1.0 - root) + b * (root * (1.0 - u2)) + c * (root * u2)).try_normalize()?
         };
-        let probability = f64::from(leaf_probability) * weights[chosen] / sum;
+        let probability = f64::from(leaf_probability) * weighed.weight / sum;
         let pdf = probability * Self::density(emitter, &weighed, p64, direction);
         let (e1, e2) = (b - a, c - a);
         let normal = e1.cross(e2);

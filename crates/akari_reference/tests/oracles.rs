@@ -3,9 +3,13 @@
 mod common;
 
 use akari_reference::analytic::{ggx_albedo, polygon_ggx_radiance, polygon_irradiance};
-use akari_scene::{AreaLight, AreaLightShape, Environment, PunctualKind, PunctualLight, Scene};
+use akari_scene::exr_io::RgbImage;
+use akari_scene::{
+    AreaLight, AreaLightShape, ColorSpace, Environment, Filter, Image, Pixels, PunctualKind,
+    PunctualLight, Scene, Texture, Wrap,
+};
 use common::*;
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
 
 fn scene_with(floor_material: akari_scene::Material, lights: &[Vec<Vec3>]) -> Scene {
@@ -280,4 +284,93 @@ fn draft_area_lights() {
     assert_within_noise(&run(&scene, None, &small()), "disk", |p| {
         0.5 / PI * 2.0 * polygon_irradiance(&disk, p, DVec3::Y)
     });
+}
+
+/// A texture of one row, looked up without interpolation.
+fn texture_row(
+    scene: &mut Scene,
+    name: &str,
+    texels: &[[u8; 4]],
+    color_space: ColorSpace,
+) -> Texture {
+    scene.images.push(Image {
+        name: name.into(),
+        width: texels.len() as u32,
+        height: 1,
+        pixels: Pixels::U8(texels.to_vec()),
+    });
+    Texture {
+        image: scene.images.len() - 1,
+        color_space,
+        tex_coord: 0,
+        transform: Affine2::IDENTITY,
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Clamp,
+        filter: Filter::Nearest,
+    }
+}
+
+/// Texture coordinates of a quad's corners: u along the first edge, v along the last.
+const QUAD_UVS: [Vec2; 4] = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+
+#[test]
+fn half_lit_texture_is_half_a_polygon() {
+    let (_, light) = lights().remove(1);
+    let mut scene = scene_with(lambert(0.6), std::slice::from_ref(&light));
+    let texels = [[255, 255, 255, 255], [0, 0, 0, 255]];
+    let texture = texture_row(&mut scene, "half", &texels, ColorSpace::Srgb);
+    scene.materials[1].emissive_texture = Some(texture);
+    scene.meshes[1].primitives[0].uvs[0] = QUAD_UVS.to_vec();
+    let q = f64s(&light);
+    let half = [q[0], 0.5 * (q[0] + q[1]), 0.5 * (q[2] + q[3]), q[3]];
+    let truth = |p: DVec3| 0.6 / PI * 3.0 * polygon_irradiance(&half, p, DVec3::Y);
+    assert_within_noise(&run(&scene, None, &small()), "half-lit texture", truth);
+    // The other half would be another image.
+    let other = [half[1], q[1], q[2], half[2]];
+    let p = DVec3::new(-0.3, 0.0, 0.2);
+    assert!(
+        (truth(p) / (0.6 / PI * 3.0 * polygon_irradiance(&other, p, DVec3::Y)) - 1.0).abs() > 0.1
+    );
+}
+
+#[test]
+fn constant_normal_map_tilts_the_normal() {
+    let mut scene = scene_with(lambert(0.6), &[]);
+    // Red 0.6, green −0.4: towards the tangent and against the bitangent.
+    let byte = |x: f32| ((x + 1.0) * 127.5).round() as u8;
+    let texel = [byte(0.6), byte(-0.4), byte(0.692_820_3), 255];
+    let texture = texture_row(&mut scene, "tilt", &[texel], ColorSpace::Linear);
+    scene.materials[0].normal_texture = Some(texture);
+    let primitive = &mut scene.meshes[0].primitives[0];
+    primitive.uvs[0] = QUAD_UVS.to_vec();
+    primitive.tangents = vec![Vec3::X.extend(1.0); 4];
+    let output = run(&scene, Some(&Environment::uniform([1.0; 3])), &small());
+    // n = +Y, t = +X, b = n × t = −Z.
+    let expected = Vec3::new(0.6, 0.692_820_3, 0.4);
+    for n in &output.aovs.unwrap().normal {
+        assert!((Vec3::from(*n) - expected).length() < 0.01, "{n:?}");
+    }
+}
+
+#[test]
+fn environment_with_a_sun() {
+    // A dim sky with one bright texel above the horizon, against a fine midpoint sum.
+    let (w, h) = (64_u32, 32_u32);
+    let mut image = RgbImage::filled(w, h, [0.2; 3]);
+    image.data[(6 * w + 40) as usize] = [900.0; 3];
+    let sky = Environment::from_image("sky".as_ref(), image).unwrap();
+    let n = 2048;
+    let mut irradiance = 0.0;
+    for j in 0..n / 4 {
+        let v = (f64::from(j) + 0.5) / f64::from(n / 2);
+        let weight = (PI * v).sin() * (PI * v).cos();
+        for i in 0..n {
+            let u = (f64::from(i) + 0.5) / f64::from(n);
+            let direction = Environment::direction(u as f32, v as f32);
+            irradiance += weight * f64::from(sky.radiance(direction).x);
+        }
+    }
+    irradiance *= 2.0 * PI * PI / f64::from(n * (n / 2));
+    let output = run(&scene_with(lambert(0.6), &[]), Some(&sky), &small());
+    assert_within_noise(&output, "sun", |_| 0.6 / PI * irradiance);
 }

@@ -129,7 +129,7 @@ fn convert(
         Some(accessor) => loader.indices(&accessor, count, place)?,
         None => (0..count as u32).collect(),
     };
-    if mode == Mode::Triangles && listed.len() % 3 != 0 {
+    if mode == Mode::Triangles && !listed.len().is_multiple_of(3) {
         loader.warnings.push(format!(
             "{place}: {} indices are no multiple of 3, the rest is dropped",
             listed.len()
@@ -250,7 +250,7 @@ fn repair_normals(loader: &mut Loader, primitive: &mut Primitive, place: &str) {
 /// Tangents from texture coordinates, where the file has none: per triangle the direction in which u grows,
 /// summed over the triangles around a vertex weighted by angle, made orthogonal to the normal.
 ///
-/// glTF asks for MikkTSpace, which also splits vertices where the handedness changes; this does not, so a mirrored
+/// glTF asks for `MikkTSpace`, which also splits vertices where the handedness changes; this does not, so a mirrored
 /// seam through shared vertices is shaded differently.
 fn make_tangents(primitive: &mut Primitive, tex_coord: usize) {
     let uvs = &primitive.uvs[tex_coord];

@@ -143,10 +143,9 @@ impl Integrator<'_> {
 
     /// Radiance that the surface met emits against the ray, weighted if a surface sampled it.
     fn emitted(&self, ray: &Ray, hit: &Hit, previous: Option<&Previous>) -> Vec3 {
-        let emitter = self.world.emitter_of[hit.triangle as usize];
-        if emitter == u32::MAX {
+        let Some(emitter) = self.world.emitter_at(hit.triangle, hit.u, hit.v) else {
             return Vec3::ZERO;
-        }
+        };
         let e = &self.world.emitters[emitter as usize];
         if e.normal.dot(ray.direction) >= 0.0 && !e.double_sided {
             return Vec3::ZERO;

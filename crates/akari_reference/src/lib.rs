@@ -21,8 +21,8 @@
 //!
 //! # Method
 //! Path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling (Veach and Guibas 1995,
-//! power heuristic). Emissive triangles are found by a light tree (Conty Estevez and Kulla 2018) and sampled by
-//! solid angle (Arvo 1995); environments by a luminance table; GGX by its visible normals (Dupuy and Benyoub 2023).
+//! power heuristic). Emissive triangles are found by a light tree (Conty Estevez and Kulla 2018), textured ones in
+//! pieces, and sampled by solid angle (Arvo 1995); environments by a luminance table; GGX by its visible normals (Dupuy and Benyoub 2023).
 //! Owen-scrambled Sobol points (Burley 2020), padded in sets of four. Rays in `f32` about the scene's centre,
 //! sums in `f64`. The same seed gives the same image on any number of threads.
 
@@ -32,6 +32,7 @@
 pub mod analytic;
 mod bsdf;
 mod camera;
+mod emitter_grid;
 mod environment;
 mod integrator;
 mod light_tree;

@@ -1,7 +1,7 @@
 //! Light arriving at a point: samples of emitters, punctual lights and the environment, with their densities.
 
 use akari_scene::{Environment, PunctualKind};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::environment::EnvironmentSampler;
 use crate::light_tree::{LEAF_SIZE, LightTree};
@@ -95,6 +95,17 @@ impl Weighed {
         solid_angle: 0.0,
         weight: 0.0,
     };
+}
+
+/// The place on a triangle at barycentric `u`, `v` of a part of it.
+fn place(triangle: u32, [a, b, c]: [Vec2; 3], u: f32, v: f32) -> Hit {
+    let at = a + (b - a) * u + (c - a) * v;
+    Hit {
+        t: 0.0,
+        triangle,
+        u: at.x,
+        v: at.y,
+    }
 }
 
 impl<'a> Lights<'a> {
@@ -234,13 +245,8 @@ impl<'a> Lights<'a> {
         let hit_v = (e1.cross(at).dot(normal) * scale).clamp(0.0, 1.0 - hit_u);
         let (triangle, radiance) = match emitter.source {
             EmitterSource::Unseen(radiance) => (u32::MAX, radiance),
-            EmitterSource::Triangle(triangle) => {
-                let hit = Hit {
-                    t: distance as f32,
-                    triangle,
-                    u: hit_u as f32,
-                    v: hit_v as f32,
-                };
+            EmitterSource::Triangle { triangle, corners } => {
+                let hit = place(triangle, corners, hit_u as f32, hit_v as f32);
                 if !self.world.covers(&hit, seed) {
                     return None;
                 }
@@ -331,15 +337,10 @@ impl<'a> Lights<'a> {
         }
         match e.source {
             EmitterSource::Unseen(radiance) => radiance,
-            EmitterSource::Triangle(triangle) => {
-                let hit = Hit {
-                    t: 0.0,
-                    triangle,
-                    u,
-                    v,
-                };
+            EmitterSource::Triangle { triangle, corners } => {
+                let hit = place(triangle, corners, u, v);
                 if self.world.covers(&hit, seed) {
-                    self.world.emission(triangle, u, v)
+                    self.world.emission(triangle, hit.u, hit.v)
                 } else {
                     Vec3::ZERO
                 }

@@ -3,6 +3,7 @@
 use akari_scene::{AlphaMode, AreaLightShape, Material, Primitive, Scene};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
+use crate::emitter_grid;
 use crate::ray_scene::{Cwbvh, Hit, Ray, RayScene, offset_for};
 use crate::sampler::hash_unit;
 
@@ -38,8 +39,8 @@ pub(crate) struct Emitter {
 
 #[derive(Clone, Copy)]
 pub(crate) enum EmitterSource {
-    /// A triangle of the scene.
-    Triangle(u32),
+    /// A triangle of the scene, or the part of it between these barycentric `(u, v)`.
+    Triangle { triangle: u32, corners: [Vec2; 3] },
     /// A light without a surface, of this radiance.
     Unseen(Vec3),
 }
@@ -64,8 +65,10 @@ pub(crate) struct World<'a> {
     owners: Vec<(u32, u32)>,
     pub(crate) bvh: Cwbvh,
     pub(crate) emitters: Vec<Emitter>,
-    /// Emitter of each triangle, or `u32::MAX`.
-    pub(crate) emitter_of: Vec<u32>,
+    /// First emitter of each triangle, or `u32::MAX`.
+    emitter_of: Vec<u32>,
+    /// A textured emissive triangle is cut into the square of this many emitters.
+    cuts: u32,
     /// Some hits need a look at alpha.
     any_cut: bool,
     /// Some surface is stochastic.
@@ -84,6 +87,7 @@ impl<'a> World<'a> {
             bvh: Cwbvh::build(&[]),
             emitters: Vec::new(),
             emitter_of: Vec::new(),
+            cuts: cuts_for(scene),
             any_cut: false,
             any_blend: false,
         };
@@ -156,17 +160,35 @@ impl<'a> World<'a> {
         if !material.is_emissive() {
             return;
         }
-        let strength = self.mean_emission(index).element_sum();
-        if strength > 0.0 {
-            self.emitter_of[index as usize] = self.emitters.len() as u32;
+        let textured = material.emissive_texture.is_some();
+        self.emitter_of[index as usize] = self.emitters.len() as u32;
+        let [a, b, c] = vertices;
+        for corners in emitter_grid::cells(if textured { self.cuts } else { 1 }) {
             self.emitters.push(Emitter {
-                vertices,
+                vertices: corners.map(|w| a + (b - a) * w.x + (c - a) * w.y),
                 normal,
                 double_sided: material.double_sided,
-                strength,
-                source: EmitterSource::Triangle(index),
+                strength: self.mean_emission(index, corners).element_sum(),
+                source: EmitterSource::Triangle {
+                    triangle: index,
+                    corners,
+                },
             });
         }
+    }
+
+    /// The emitter at a place of a triangle.
+    pub(crate) fn emitter_at(&self, triangle: u32, u: f32, v: f32) -> Option<u32> {
+        let first = self.emitter_of[triangle as usize];
+        if first == u32::MAX {
+            return None;
+        }
+        let textured = self.owner(triangle).0.material.emissive_texture.is_some();
+        Some(if textured {
+            first + emitter_grid::cell_of(self.cuts, u, v)
+        } else {
+            first
+        })
     }
 
     fn add_area_lights(&mut self) {
@@ -207,10 +229,10 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Radiance averaged over a triangle: for choosing lights only, so a coarse average will do, but it must not
-    /// miss a lit texel altogether: the floor keeps every emitter possible.
-    fn mean_emission(&self, triangle: u32) -> Vec3 {
-        const STEPS: u32 = 8;
+    /// Radiance averaged over a part of a triangle: for choosing lights only, so a coarse average will do, but it
+    /// must not miss a lit texel altogether: the floor keeps every emitter possible.
+    fn mean_emission(&self, triangle: u32, [a, b, c]: [Vec2; 3]) -> Vec3 {
+        const STEPS: u32 = 4;
         const FLOOR: f32 = 0.01;
         let (part, _) = self.owner(triangle);
         let material = part.material;
@@ -223,7 +245,8 @@ impl<'a> World<'a> {
             for j in 0..STEPS - i {
                 let u = (i as f32 + 1.0 / 3.0) / STEPS as f32;
                 let v = (j as f32 + 1.0 / 3.0) / STEPS as f32;
-                sum += self.emission(triangle, u, v);
+                let at = a + (b - a) * u + (c - a) * v;
+                sum += self.emission(triangle, at.x, at.y);
                 count += 1.0;
             }
         }
@@ -355,6 +378,23 @@ impl<'a> World<'a> {
         self.bvh
             .occluded(ray, |hit| hit.triangle != target && self.covers(hit, seed))
     }
+}
+
+/// How finely to cut textured emitters: 16² pieces each, fewer where there are many, about 65,000 in all.
+fn cuts_for(scene: &Scene) -> u32 {
+    const MOST: u32 = 16;
+    const BUDGET: f64 = 65_536.0;
+    let textured: usize = scene
+        .instances
+        .iter()
+        .flat_map(|i| &scene.meshes[i.mesh].primitives)
+        .filter(|p| {
+            let material = &scene.materials[p.material];
+            material.is_emissive() && material.emissive_texture.is_some()
+        })
+        .map(|p| p.indices.len() / 3)
+        .sum();
+    ((BUDGET / textured.max(1) as f64).sqrt() as u32).clamp(1, MOST)
 }
 
 /// Unit normal of a triangle; none if it has no area in `f32`.

@@ -20,6 +20,9 @@ pub struct Environment {
     pub warnings: Vec<String>,
 }
 
+/// The largest 16-bit float.
+const HALF_MAX: f32 = 65504.0;
+
 impl Environment {
     /// Reads a Radiance `.hdr` or an OpenEXR `.exr` file; the content decides, not the name.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
@@ -56,14 +59,19 @@ impl Environment {
         let mut repaired = 0_usize;
         for pixel in &mut image.data {
             if pixel.iter().any(|c| !c.is_finite() || *c < 0.0) {
-                *pixel = pixel.map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 });
+                // Infinity is what brighter than the largest half float became.
+                *pixel = pixel.map(|c| match c {
+                    _ if c.is_nan() => 0.0,
+                    f32::INFINITY => HALF_MAX,
+                    _ => c.max(0.0),
+                });
                 repaired += 1;
             }
         }
         let mut warnings = Vec::new();
         if repaired > 0 {
             warnings.push(format!(
-                "{}: {repaired} pixels of the environment map were negative or not finite and are now 0",
+                "{}: {repaired} pixels of the environment map were negative, not a number (now 0) or infinite (now {HALF_MAX})",
                 path.display()
             ));
         }
@@ -156,6 +164,16 @@ mod tests {
             let (u2, v2) = Environment::uv(Environment::direction(u, v));
             assert!((u - u2).abs() < 1e-6 && (v - v2).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn repairs_what_is_no_radiance() {
+        let mut image = RgbImage::filled(4, 2, [1e6; 3]);
+        image.data[1] = [f32::NAN, f32::INFINITY, -1.0];
+        let map = Environment::from_image(Path::new("test"), image).unwrap();
+        assert_eq!(map.image.data[1], [0.0, HALF_MAX, 0.0]);
+        assert_eq!(map.image.data[0], [1e6; 3]);
+        assert!(map.warnings[0].contains("1 pixels"), "{:?}", map.warnings);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::extract::{ExtractedAreaLight, ExtractedTexture};
 use crate::types::{FLAG_TWO_SIDED, GpuAreaLight, NO_TEXTURE};
+use akari_math::light_image::WHOLE_LIGHT;
 use bevy::math::{Vec2, Vec3, Vec4};
 
 /// The lights and corners of one setting of `texture_cells`.
@@ -13,7 +14,8 @@ pub struct LightArrays {
     pub vertices: Vec<Vec4>,
 }
 
-/// The part of an image that a light shows: the smallest rectangle of image coordinates that holds its corners.
+/// The part of an image that a layer shows: the smallest rectangle of image coordinates that holds the corners of a
+/// light, and a margin of [`LAYER_MARGIN`] times its size on each side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LayerRegion {
     /// Smallest image coordinates.
@@ -22,14 +24,19 @@ pub struct LayerRegion {
     pub size: Vec2,
 }
 
+/// Margin of a layer around its light, as a share of the light's size: a lobe whose axis passes beside the light is
+/// looked up there.
+pub const LAYER_MARGIN: f32 = 0.5;
+
 impl LayerRegion {
     /// The region of a textured light.
     pub fn of(texture: &ExtractedTexture) -> Self {
         let low = texture.uvs.iter().copied().fold(Vec2::INFINITY, Vec2::min);
         let high = texture.uvs.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
+        let size = (high - low).max(Vec2::splat(f32::MIN_POSITIVE));
         Self {
-            low,
-            size: (high - low).max(Vec2::splat(f32::MIN_POSITIVE)),
+            low: low - size * LAYER_MARGIN,
+            size: size * (1.0 + 2.0 * LAYER_MARGIN),
         }
     }
 
@@ -113,7 +120,7 @@ fn push_cells(
     let at_center = region.layer_from_uv(texture.uv_at_center);
     let mut gpu = common(light);
     gpu.texture_layer = layer;
-    gpu.cell_size = 1.0 / cells as f32;
+    gpu.cell_size = if cells == 1 { WHOLE_LIGHT } else { 1.0 / ((1.0 + 2.0 * LAYER_MARGIN) * cells as f32) };
     // The map from the plane to layer coordinates scales areas by |∇u × ∇v|.
     gpu.layer_area = gradient_u.cross(gradient_v).length().max(f32::MIN_POSITIVE).recip();
 
@@ -126,7 +133,9 @@ fn push_cells(
             layer: region.layer_from_uv(*uv),
         })
         .collect();
-    let edge = |cell: u32| cell as f32 / cells as f32;
+    // The light fills the middle of the layer.
+    let span = 1.0 / (1.0 + 2.0 * LAYER_MARGIN);
+    let edge = |cell: u32| span * (LAYER_MARGIN + cell as f32 / cells as f32);
     for row in 0..cells {
         let strip = clip(&clip(&corners, |c| c.layer.y - edge(row)), |c| edge(row + 1) - c.layer.y);
         for column in 0..cells {

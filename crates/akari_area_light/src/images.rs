@@ -28,8 +28,8 @@ pub const LAYER_LEVELS: u32 = LAYER_SIZE.ilog2() + 1;
 pub const PREFILTER_LABEL: &str = "akari_area_light_prefilter";
 /// Side of a workgroup in `prefilter.wgsl`.
 const PREFILTER_WORKGROUP: u32 = 8;
-/// Width of the kernel of a level in texels of the level below, from which it is filtered.
-const KERNEL_WIDTH: f32 = 2.0;
+/// Width of the kernel of a level in its own texels: wide against the texel, so that interpolation adds little blur.
+const KERNEL_WIDTH: f32 = akari_math::light_image::KERNEL_TEXELS;
 /// Reach of the kernel in the same texels: eight widths hold 98.5 % of its weight in the plane.
 const KERNEL_REACH: i32 = 16;
 /// Bytes of one texel of a layer.
@@ -111,6 +111,7 @@ impl PrefilterPipelines {
                     uniform_buffer::<PrefilterParams>(false),
                     storage_buffer_read_only_sized(false, None),
                     texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+                    texture_2d(TextureSampleType::Float { filterable: true }),
                 ),
             ),
         );
@@ -313,6 +314,7 @@ pub fn prefilter_light_images(
         let mut dispatch = |pipeline: &ComputePipeline,
                             source: &TextureView,
                             result: &TextureView,
+                            coarser: &TextureView,
                             level: u32,
                             samples: i32,
                             width: f32| {
@@ -342,6 +344,7 @@ pub fn prefilter_light_images(
                     uniform.as_entire_binding(),
                     corners.as_entire_binding(),
                     result,
+                    coarser,
                 )),
             );
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
@@ -355,16 +358,21 @@ pub fn prefilter_light_images(
         };
         let shown = image.texture_descriptor.size;
         let samples = samples_per_texel(UVec2::new(shown.width, shown.height), &layer.key.region);
-        dispatch(resample, &image.texture_view, &scratch_levels[0], 0, samples, 0.0);
+        // Where no coarser level is read, any texture but the one written fills the binding.
+        let unused = &scratch_levels[LAYER_LEVELS as usize - 1];
+        dispatch(resample, &image.texture_view, &scratch_levels[0], unused, 0, samples, 0.0);
         for level in 1..LAYER_LEVELS {
             let (below, this) = (&scratch_levels[level as usize - 1], &scratch_levels[level as usize]);
-            dispatch(downsample, below, this, level, 0, 0.0);
+            dispatch(downsample, below, this, &scratch_levels[0], level, 0, 0.0);
         }
-        for level in 0..LAYER_LEVELS {
-            let source = &scratch_levels[level.saturating_sub(1) as usize];
-            let result = level_view(texture, layer.index, level);
+        let levels: Vec<TextureView> = (0..LAYER_LEVELS)
+            .map(|level| level_view(texture, layer.index, level))
+            .collect();
+        for level in (0..LAYER_LEVELS).rev() {
+            let source = &scratch_levels[level as usize];
+            let coarser = levels.get(level as usize + 1).unwrap_or(source);
             let width = if level == 0 { 0.0 } else { KERNEL_WIDTH };
-            dispatch(convolve, source, &result, level, KERNEL_REACH, width);
+            dispatch(convolve, source, &levels[level as usize], coarser, level, KERNEL_REACH, width);
         }
         layer.filtered = true;
     }

@@ -6,7 +6,7 @@
 // that nothing from outside of the light leaks in, and a filter over the rim is a mean over the inside.
 
 struct Params {
-    // The part of the image: smallest image coordinates, and size.
+    // The part of the image that the layer shows, margin included: smallest image coordinates, and size.
     region_low: vec2<f32>,
     region_size: vec2<f32>,
     // Corners of the light's polygon.
@@ -24,6 +24,11 @@ struct Params {
 // Corners in layer coordinates, xy.
 @group(0) @binding(3) var<storage, read> corners: array<vec4<f32>>;
 @group(0) @binding(4) var result: texture_storage_2d<rgba16float, write>;
+// CONVOLVE: the level above the one written, filtered already; it fills what no kernel of this level reaches.
+@group(0) @binding(5) var coarser: texture_2d<f32>;
+
+// Coverage below which a mean is not worth its rounding.
+const SMALLEST_COVERAGE: f32 = 1e-3;
 
 // Even-odd rule.
 fn inside_polygon(point: vec2<f32>) -> bool {
@@ -69,26 +74,29 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
         sum += 0.25 * textureLoad(source, texel, 0);
     }
 #else
-    let source_size = vec2<i32>(textureDimensions(source));
-    let scale = vec2<f32>(source_size) / vec2<f32>(size);
-    let center = (vec2<f32>(id.xy) + 0.5) * scale - 0.5;
-    let nearest = vec2<i32>(floor(center + 0.5));
+    let last = vec2<i32>(textureDimensions(source)) - 1;
+    let center = vec2<i32>(id.xy);
     if params.width == 0.0 {
-        sum = textureLoad(source, nearest, 0);
+        sum = textureLoad(source, center, 0);
     } else {
-        let low = max(nearest - params.samples, vec2(0));
-        let high = min(nearest + params.samples, source_size - 1);
+        let low = max(center - params.samples, vec2(0));
+        let high = min(center + params.samples, last);
         for (var y = low.y; y <= high.y; y++) {
             for (var x = low.x; x <= high.x; x++) {
                 // What a cosine sees of a plane: (1 + (r/width)^2)^-2.
-                let r = (vec2(f32(x), f32(y)) - center) / params.width;
+                let r = vec2<f32>(vec2(x, y) - center) / params.width;
                 let falloff = 1.0 / (1.0 + dot(r, r));
                 sum += falloff * falloff * textureLoad(source, vec2(x, y), 0);
             }
         }
     }
-    // The mean over the light; texels far outside of it, which no filter reaches, stay dark.
-    sum = vec4(sum.rgb / max(sum.a, 1e-6), 1.0);
+    // The mean over the light. Beyond the reach of the kernel the coarser level goes on.
+    if sum.a > SMALLEST_COVERAGE {
+        sum = vec4(sum.rgb / sum.a, 1.0);
+    } else {
+        let above = min(center / 2, vec2<i32>(textureDimensions(coarser)) - 1);
+        sum = vec4(textureLoad(coarser, above, 0).rgb, 1.0);
+    }
 #endif
     textureStore(result, id.xy, sum);
 }

@@ -58,7 +58,7 @@ impl Knobs for AreaLighting {
             min: 1.0,
             max: 8.0,
             integer: true,
-            presets: [1.0, 2.0, 4.0, 8.0],
+            presets: [1.0, 1.0, 1.0, 8.0],
             cost: "a textured light costs cells² times an untextured one",
         },
         Knob {

@@ -16,7 +16,7 @@
     AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_SIZE,
 }
 #ifdef TEXTURED
-#import akari_math::light_image::{light_image_lookup, light_image_lod}
+#import akari_math::light_image::{footprint_position, light_image_footprint, light_image_lod}
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -41,6 +41,9 @@ const ON_LIGHT_PLANE: f32 = 1e-4;
 const CLEARCOAT_F0: f32 = 0.04;
 // Rays of a look that grazes or passes below an interpolated normal see the surface as from this cosine.
 const MIN_N_DOT_V: f32 = 1e-4;
+
+// Look-ups along an elongated footprint of a light's image.
+const SPREAD_LOOKUPS: u32 = 5u;
 
 // One specular layer at one pixel.
 struct Layer {
@@ -99,7 +102,7 @@ fn see_light(light: AreaLight, position_rel: vec3<f32>) -> SeenLight {
 fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<f32>, m_inv: mat3x3<f32>, axis: vec3<f32>) -> vec3<f32> {
 #ifdef TEXTURED
     if light.texture_layer != NO_TEXTURE {
-        let lookup = light_image_lookup(
+        let footprint = light_image_footprint(
             axis * seen.side,
             m,
             m_inv,
@@ -107,11 +110,16 @@ fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<
             light.normal_ws * frame,
             vec4(light.texture_u.xyz * frame, light.texture_u.w),
             vec4(light.texture_v.xyz * frame, light.texture_v.w),
-            light.layer_area,
+            light.cell_size,
         );
-        let texels = f32(textureDimensions(light_images).x);
-        let lod = light_image_lod(lookup.z, light.cell_size, texels);
-        return textureSampleLevel(light_images, image_sampler, lookup.xy, light.texture_layer, lod).rgb;
+        let lod = light_image_lod(footprint.width, f32(textureDimensions(light_images).x));
+        let count = select(1u, SPREAD_LOOKUPS, footprint.spread != 0u);
+        var color = vec3(0.0);
+        for (var i = 0u; i < count; i++) {
+            let at = footprint.center + footprint.line * footprint_position(f32(i), f32(count));
+            color += textureSampleLevel(light_images, image_sampler, at, light.texture_layer, lod).rgb;
+        }
+        return color / f32(count);
     }
 #endif
     return vec3(1.0);

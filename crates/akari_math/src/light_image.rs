@@ -15,6 +15,10 @@ use glam::{Mat3, Vec3, Vec4};
 /// Widest filter of a look-up, as a share of the cell that it stands for: the kernel of this width holds about as much
 /// of its weight within the cell as a box over the cell does.
 const CELL_FILTER: f32 = 0.35;
+/// Width of a level's kernel in its own texels.
+pub const KERNEL_TEXELS: f32 = 2.0;
+/// Cell size of a light that is not cut into cells.
+pub const WHOLE_LIGHT: f32 = 1e9;
 
 /// Where a light's image is looked up, and how wide: `(u, v, width)`, all in layer coordinates, 0 to 1.
 ///

@@ -19,7 +19,7 @@ pub struct Cli {
 /// Options that every command has.
 #[derive(Debug, Clone, Args)]
 pub struct Common {
-    /// Print errors only
+    /// Print results and errors only: no warnings, no progress
     #[arg(long, global = true)]
     pub quiet: bool,
     /// How progress is shown
@@ -88,6 +88,17 @@ impl FromStr for Size {
             })
             .ok_or_else(|| format!("'{text}' is no size; write width x height in pixels, as 1280x720"))
     }
+}
+
+/// Reads an exposure in stops.
+fn parse_stops(text: &str) -> Result<f32, String> {
+    /// Far beyond what any picture needs, and 2 to its power is still a number.
+    const MOST_STOPS: f32 = 100.0;
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|stops: &f32| stops.abs() <= MOST_STOPS)
+        .ok_or_else(|| format!("'{text}' is no exposure; write a number of stops from -100 to 100"))
 }
 
 /// One `effect.knob=value`.
@@ -179,7 +190,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "DIR")]
     pub buffers: Option<PathBuf>,
     /// Exposure of a .png in stops; automatic if absent
-    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_stops)]
     pub exposure: Option<f32>,
     /// Draw rectangular lights by Bevy's own LTC pass instead, for comparison
     #[arg(long, hide = true)]
@@ -222,7 +233,7 @@ pub struct ReferenceArgs {
     #[arg(long, value_name = "MAP")]
     pub environment: Option<PathBuf>,
     /// Exposure of a .png in stops; automatic if absent
-    #[arg(long, value_name = "EV", allow_hyphen_values = true)]
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_stops)]
     pub exposure: Option<f32>,
 }
 

@@ -1,6 +1,7 @@
 //! `akari compare`: the error of one image against another.
 
 use crate::args::CompareArgs;
+use crate::console::print_result;
 use crate::error::CliError;
 use akari_reference::metrics::compare;
 use akari_scene::exr_io::read_rgb;
@@ -16,6 +17,5 @@ pub fn run(args: &CompareArgs) -> Result<(), CliError> {
     let metrics = compare(&a, &b, mask.as_ref())
         .map_err(|error| CliError::input(format!("{}: {error}", args.a.display())))?;
     let text = serde_json::to_string_pretty(&metrics).map_err(|error| CliError::other(error.to_string()))?;
-    println!("{text}");
-    Ok(())
+    print_result(&text)
 }

@@ -1,6 +1,7 @@
 //! `akari doctor`: adapters, and what of the project works on them.
 
 use crate::args::Common;
+use crate::console::print_result;
 use crate::error::CliError;
 use bevy_akari::headless::{AdapterDescription, HeadlessError, adapters};
 use wgpu::Features;
@@ -27,33 +28,33 @@ pub fn run(common: &Common) -> Result<(), CliError> {
         }
         .into());
     }
-    for adapter in shown {
-        print_adapter(adapter);
-    }
-    Ok(())
+    let descriptions: Vec<String> = shown.into_iter().map(describe_adapter).collect();
+    print_result(&descriptions.join("\n"))
 }
 
-fn print_adapter(adapter: &AdapterDescription) {
-    println!("{} ({}, {})", adapter.name, adapter.kind, adapter.backend);
-    println!("  driver           {}", adapter.driver);
+fn describe_adapter(adapter: &AdapterDescription) -> String {
+    let mut lines = Vec::new();
+    lines.push(format!("{} ({}, {})", adapter.name, adapter.kind, adapter.backend));
+    lines.push(format!("  driver           {}", adapter.driver));
     let limits = &adapter.limits;
-    println!(
+    lines.push(format!(
         "  textures         up to {0} x {0}, 3D {1}",
         limits.max_texture_dimension_2d, limits.max_texture_dimension_3d
-    );
-    println!(
+    ));
+    lines.push(format!(
         "  storage buffers  {} a stage, up to {} MiB",
         limits.max_storage_buffers_per_shader_stage,
         limits.max_storage_buffer_binding_size >> 20
-    );
-    println!(
+    ));
+    lines.push(format!(
         "  workgroups       {} invocations, {} KiB shared",
         limits.max_compute_invocations_per_workgroup,
         limits.max_compute_workgroup_storage_size >> 10
-    );
+    ));
     let has = |feature| if adapter.features.contains(feature) { "yes" } else { "no" };
-    println!("  time stamps      {} (times in --stats)", has(Features::TIMESTAMP_QUERY));
-    println!("  area lights      {}", area_light_support(adapter));
+    lines.push(format!("  time stamps      {} (times in --stats)", has(Features::TIMESTAMP_QUERY)));
+    lines.push(format!("  area lights      {}", area_light_support(adapter)));
+    lines.join("\n")
 }
 
 /// Whether area lights work, and what is missing if not.

@@ -1,6 +1,7 @@
 //! `akari inspect`: what is in a scene, and which effects it calls for.
 
 use crate::args::{Common, InspectArgs};
+use crate::console::print_result;
 use crate::error::CliError;
 use crate::load::load_scene;
 use akari_scene::{Scene, light_polygons};
@@ -15,7 +16,7 @@ use serde_json::json;
 /// If the file cannot be used.
 pub fn run(args: &InspectArgs, common: &Common) -> Result<(), CliError> {
     if args.settings {
-        print!("{}", settings_document()?);
+        print_result(settings_document()?.trim_end())?;
     }
     let Some(path) = &args.file else {
         return Ok(());
@@ -24,11 +25,10 @@ pub fn run(args: &InspectArgs, common: &Common) -> Result<(), CliError> {
     let document = describe(&scene);
     if args.json {
         let text = serde_json::to_string_pretty(&document).map_err(|error| CliError::other(error.to_string()))?;
-        println!("{text}");
+        print_result(&text)
     } else {
-        print_description(&document);
+        print_result(&description(&document))
     }
-    Ok(())
 }
 
 /// The default settings as RON, each line with its unit and range.
@@ -108,34 +108,37 @@ fn describe(scene: &Scene) -> serde_json::Value {
     })
 }
 
-fn print_description(document: &serde_json::Value) {
+/// The same for a person.
+fn description(document: &serde_json::Value) -> String {
+    let mut lines = Vec::new();
     let text = |key: &str| document[key].as_str().unwrap_or_default().to_owned();
-    println!("{} ('{}')", text("file"), text("name"));
+    lines.push(format!("{} ('{}')", text("file"), text("name")));
     for key in ["meshes", "instances", "triangles"] {
-        println!("  {key:16} {}", document[key]);
+        lines.push(format!("  {key:16} {}", document[key]));
     }
     for key in ["materials", "cameras", "punctual_lights", "area_lights"] {
         let names: Vec<_> = document[key].as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
-        println!("  {:16} {} {}", key.replace('_', " "), names.len(), shorten(&names));
+        lines.push(format!("  {:16} {} {}", key.replace('_', " "), names.len(), shorten(&names)));
     }
     for image in document["images"].as_array().into_iter().flatten() {
-        println!("  image            {} {} x {}", image["name"], image["width"], image["height"]);
+        lines.push(format!("  image            {} {} x {}", image["name"], image["width"], image["height"]));
     }
     for emissive in document["emissive_primitives"].as_array().into_iter().flatten() {
         let name = emissive["name"].as_str().unwrap_or_default();
         if emissive["area_light"] == true {
             let textured = if emissive["textured"] == true { ", textured" } else { "" };
             let sides = if emissive["two_sided"] == true { ", two-sided" } else { "" };
-            println!("  area light       {name}: {} corners{textured}{sides}", emissive["corners"]);
+            lines.push(format!("  area light       {name}: {} corners{textured}{sides}", emissive["corners"]));
         } else {
-            println!("  emissive         {name}: no area light, {}", emissive["reason"].as_str().unwrap_or_default());
+            lines.push(format!("  emissive         {name}: no area light, {}", emissive["reason"].as_str().unwrap_or_default()));
         }
     }
-    println!("effects");
+    lines.push("effects".to_owned());
     for (name, state) in document["effects"].as_object().into_iter().flatten() {
         let on = if state["active"] == true { "on " } else { "off" };
-        println!("  {name:16} {on} {}", state["reason"].as_str().unwrap_or_default());
+        lines.push(format!("  {name:16} {on} {}", state["reason"].as_str().unwrap_or_default()));
     }
+    lines.join("\n")
 }
 
 /// A list in parentheses, cut where it gets long.

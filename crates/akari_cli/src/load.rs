@@ -1,6 +1,7 @@
 //! Scenes, cameras and pictures, with errors that name the file.
 
 use crate::args::{Common, Size};
+use crate::console::warn;
 use crate::error::CliError;
 use akari_scene::exr_io::{RgbImage, write_rgb};
 use akari_scene::tonemap::{Exposure, write_png};
@@ -31,10 +32,10 @@ pub fn picture_format(path: &Path) -> Result<PictureFormat, CliError> {
     }
 }
 
-/// Refuses an output path whose folder is not there, before the work rather than after it.
+/// Refuses an output path that cannot be written, before the work rather than after it.
 ///
 /// # Errors
-/// If the folder does not exist.
+/// If the folder does not exist or takes no files, or if the path is a folder.
 pub fn check_output(path: &Path) -> Result<(), CliError> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -50,7 +51,40 @@ pub fn check_output(path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
         return Err(CliError::input(format!("{}: is a folder; name a file in it", path.display())));
     }
-    Ok(())
+    // Asked by trying: permissions alone do not tell (read-only file systems, access lists).
+    tempfile::tempfile_in(folder).map(drop).map_err(|error| {
+        CliError::input(format!(
+            "{}: the folder {} takes no files: {error}; check who may write there",
+            path.display(),
+            folder.display()
+        ))
+    })
+}
+
+/// Refuses a folder of outputs that cannot be made, before the work rather than after it. It is made by
+/// [`make_folder`] when there is something to put into it.
+///
+/// # Errors
+/// If the path, or something above it, is a file.
+pub fn check_folder(folder: &Path) -> Result<(), CliError> {
+    let existing = folder.ancestors().find(|ancestor| ancestor.exists());
+    match existing {
+        Some(ancestor) if !ancestor.is_dir() => Err(CliError::input(format!(
+            "{}: cannot be made, {} is a file; name a folder",
+            folder.display(),
+            ancestor.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Makes a folder of outputs unless it is there.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn make_folder(folder: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| CliError::input(format!("{}: cannot be made: {error}", folder.display())))
 }
 
 /// Writes a picture through a temporary file.
@@ -58,6 +92,7 @@ pub fn check_output(path: &Path) -> Result<(), CliError> {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_picture(path: &Path, image: &RgbImage, exposure: Option<f32>) -> Result<(), CliError> {
+    let _writing = crate::progress::writing();
     match picture_format(path)? {
         PictureFormat::Exr => write_rgb(path, image)?,
         PictureFormat::Png => write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?,
@@ -77,39 +112,19 @@ pub fn load_scene(path: &Path, common: &Common) -> Result<Scene, CliError> {
     Ok(scene)
 }
 
-/// Prints a warning to standard error unless asked to be quiet.
-pub fn warn(common: &Common, text: &str) {
-    if !common.quiet {
-        eprintln!("warning: {text}");
-    }
-}
-
 /// The camera of that name or number, else the first, else one that frames the scene.
 ///
 /// # Errors
 /// If there is no camera of that name or number; those that are there are listed.
 pub fn choose_camera(scene: &Scene, wanted: Option<&str>, common: &Common) -> Result<Camera, CliError> {
-    let Some(wanted) = wanted else {
-        return Ok(scene.cameras.first().cloned().unwrap_or_else(|| {
-            warn(common, "the scene has no camera: it is framed from the front");
-            scene.frame_camera()
-        }));
-    };
-    let by_name = scene.cameras.iter().find(|camera| camera.name == wanted);
-    let by_number = || wanted.parse::<usize>().ok().and_then(|index| scene.cameras.get(index));
-    by_name.or_else(by_number).cloned().ok_or_else(|| {
-        let names: Vec<_> = scene
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(index, camera)| format!("{index} '{}'", camera.name))
-            .collect();
-        CliError::usage(format!(
-            "{}: there is no camera '{wanted}'; there are: {}",
-            scene.source.display(),
-            if names.is_empty() { "none".to_owned() } else { names.join(", ") }
-        ))
-    })
+    if wanted.is_none() && scene.cameras.is_empty() {
+        let source = scene.source.display();
+        warn(common, &format!("{source}: the scene has no camera: it is framed from the front"));
+    }
+    // The file is fine, the argument is not: bad usage, whatever else this kind of error says elsewhere.
+    scene
+        .select_camera(wanted)
+        .map_err(|error| CliError::usage(error.to_string()))
 }
 
 /// Refuses images that nobody means to ask for.

@@ -1,18 +1,29 @@
 //! Progress on the terminal or as JSON lines, and Ctrl-C.
 
 use crate::args::{Common, ProgressMode};
+use crate::error::CliError;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Held while a file is written through a temporary one.
+static WRITING: Mutex<()> = Mutex::new(());
 
-/// Lets Ctrl-C and SIGTERM ask the running command to stop. The second one ends the process at once.
+/// Keeps a second Ctrl-C waiting until the file that is being written is there whole.
+pub fn writing() -> MutexGuard<'static, ()> {
+    WRITING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Lets Ctrl-C and SIGTERM ask the running command to stop. The second one ends the process at once, or as soon as a
+/// file that is being written is whole, so that no temporary file stays behind.
 pub fn catch_interrupts() {
     // Without a handler, the system's default stays: the process ends. That is no reason not to start.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            let _whole = writing();
             std::process::exit(i32::from(crate::error::INTERRUPTED));
         }
     });
@@ -21,6 +32,14 @@ pub fn catch_interrupts() {
 /// Whether the user asked to stop.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// An error if the user asked to stop.
+///
+/// # Errors
+/// With the exit code of an interruption.
+pub fn check_interrupt() -> Result<(), CliError> {
+    if interrupted() { Err(CliError::interrupted()) } else { Ok(()) }
 }
 
 /// Where progress is shown.
@@ -77,7 +96,7 @@ impl Reporter {
                 let line = serde_json::json!({
                     "task": self.what, "done": done, "total": total, "seconds": now as f64 / 1e3,
                 });
-                eprintln!("{line}");
+                crate::console::print_note(&line.to_string());
             }
         }
     }

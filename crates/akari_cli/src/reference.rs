@@ -1,9 +1,10 @@
 //! `akari reference`: ground truth by the CPU path tracer.
 
 use crate::args::{Common, ReferenceArgs};
+use crate::console::{print_result, warn};
 use crate::error::CliError;
-use crate::load::{check_output, check_size, choose_camera, load_scene, picture_format, warn, write_picture};
-use crate::progress::Reporter;
+use crate::load::{check_folder, check_output, check_size, choose_camera, load_scene, make_folder, picture_format, write_picture};
+use crate::progress::{Reporter, writing};
 use akari_reference::{Error, Options, render};
 use akari_scene::Environment;
 
@@ -16,8 +17,7 @@ pub fn run(args: &ReferenceArgs, common: &Common) -> Result<(), CliError> {
     check_size(args.size)?;
     check_output(&args.out)?;
     if let Some(folder) = &args.aov {
-        std::fs::create_dir_all(folder)
-            .map_err(|error| CliError::input(format!("{}: cannot be made: {error}", folder.display())))?;
+        check_folder(folder)?;
     }
     let scene = load_scene(&args.scene, common)?;
     // Only to say that it is missing before the work starts.
@@ -61,17 +61,19 @@ pub fn run(args: &ReferenceArgs, common: &Common) -> Result<(), CliError> {
         );
     }
     if let (Some(folder), Some(aovs)) = (&args.aov, &output.aovs) {
+        let _writing = writing();
+        make_folder(folder)?;
         aovs.write(folder)?;
     }
     write_picture(&args.out, &output.color, args.exposure)?;
     if !common.quiet {
         match output.noise {
-            Some(noise) => println!(
+            Some(noise) => print_result(&format!(
                 "estimated noise: {:.3} % (relative RMS), mean within {:.3} %",
                 100.0 * noise.relative_rms,
                 100.0 * noise.relative_bias.abs()
-            ),
-            None => println!("estimated noise: unknown with one sample a pixel"),
+            ))?,
+            None => print_result("estimated noise: unknown with one sample a pixel")?,
         }
     }
     Ok(())

@@ -1,8 +1,10 @@
 //! `akari render`: a glTF scene through the Bevy plugins, headless.
 
 use crate::args::{Common, QualityArg, RenderArgs};
+use crate::console::warn;
 use crate::error::CliError;
-use crate::load::{check_output, check_size, choose_camera, load_scene, picture_format, warn, write_picture};
+use crate::load::{check_folder, check_output, check_size, choose_camera, load_scene, picture_format, write_picture};
+use crate::progress::{Reporter, check_interrupt};
 use crate::spawn::{camera_components, spawn_scene};
 use crate::stats::{FrameTimes, Stats};
 use akari_scene::Scene;
@@ -27,6 +29,9 @@ const EFFECTS: [&str; 8] = [
 ];
 /// Those of them that this version has.
 const AVAILABLE_EFFECTS: [&str; 1] = ["area-lights"];
+
+/// Frames that are timed for `--stats` unless `--frames` says how many.
+const TIMED_FRAMES: u32 = 5;
 
 /// Which effects were asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,6 +91,12 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     check_output(&args.out)?;
     if let Some(stats) = &args.stats {
         check_output(stats)?;
+        if *stats == args.out {
+            return Err(CliError::usage(format!("{}: --out and --stats name the same file", stats.display())));
+        }
+    }
+    if let Some(folder) = &args.buffers {
+        check_folder(folder)?;
     }
     if args.bake.is_some() {
         return Err(CliError::usage("--bake: this version draws no baked visibility yet"));
@@ -129,17 +140,23 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     }
     headless.step_until_ready()?;
 
+    check_interrupt()?;
+    let reporter = Reporter::new("render", common);
     let ledger = headless.ledger();
     let passes_before = ledger.passes();
     let mut times = FrameTimes::default();
     // No effect of this version changes from frame to frame: the picture has converged when everything is loaded.
     // For times, a few frames more, without the ones in which a software GPU compiles.
-    let frames = args.frames.unwrap_or(if args.stats.is_some() { 5 } else { 1 }).min(64_000);
-    for _ in 0..frames {
+    let frames = args.frames.unwrap_or(if args.stats.is_some() { TIMED_FRAMES } else { 1 });
+    for frame in 0..frames {
+        check_interrupt()?;
+        reporter.show(u64::from(frame), u64::from(frames));
         let start = Instant::now();
         headless.step()?;
         times.add(start.elapsed(), headless.gpu_times());
     }
+    reporter.show(u64::from(frames), u64::from(frames));
+    check_interrupt()?;
     let passes_after = ledger.passes();
     let read = headless.read(view)?;
     let mut non_finite = 0u64;
@@ -160,6 +177,7 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
         height: read.height,
         data,
     };
+    reporter.finish();
     if let Some(folder) = &args.buffers {
         crate::buffers::write(&mut headless, view, folder, scale, &image)?;
     }
@@ -195,10 +213,11 @@ fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
             QualityArg::Ultra => Quality::Ultra,
         }),
         Some(path) => {
+            let advice = "`akari inspect --settings` prints a valid file";
             let text = std::fs::read_to_string(path)
-                .map_err(|error| CliError::input(format!("{}: cannot be read: {error}", path.display())))?;
+                .map_err(|error| CliError::input(format!("{}: cannot be read: {error}; {advice}", path.display())))?;
             AkariSettings::from_ron(&text)
-                .map_err(|error| CliError::input(format!("{}: {error}", path.display())))?
+                .map_err(|error| CliError::input(format!("{}: {error}; {advice}", path.display())))?
         }
     };
     for setting in &args.set {

@@ -85,7 +85,7 @@ pub fn replace_by_bevy_rect_lights(headless: &mut Headless, common: &Common) -> 
         let low = light.vertices.iter().copied().fold(Vec2::INFINITY, Vec2::min);
         let high = light.vertices.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
         if textured || light.vertices.len() != 4 || light.two_sided {
-            crate::load::warn(common, "Bevy's rectangle cannot show a light's shape, image or back");
+            crate::console::warn(common, "Bevy's rectangle cannot show a light's shape, image or back");
         }
         transform.translation += transform.rotation * ((low + high) * 0.5).extend(0.0);
         let area = signed_area(&light.vertices).abs();

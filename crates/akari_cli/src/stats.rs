@@ -118,6 +118,7 @@ impl Stats {
     pub fn write(&self, path: &Path) -> Result<(), CliError> {
         let mut text = serde_json::to_string_pretty(self).map_err(|error| CliError::other(error.to_string()))?;
         text.push('\n');
+        let _writing = crate::progress::writing();
         akari_scene::write_atomic(path, text.as_bytes())?;
         Ok(())
     }

@@ -19,6 +19,10 @@ const FOOT_FROM: f32 = 0.5;
 const FOOT_TO: f32 = 0.9;
 // Ratio of the axes of a footprint up to which one look-up stands for it.
 const ROUND: f32 = 1.2;
+// Half-axes beyond this many layers are cut, so that their fourth powers are finite. No layer has a level as wide.
+const WIDEST: f32 = 1e8;
+// A plane that a ray meets only after this many times its length is not met: it runs along the plane.
+const FARTHEST: f32 = 1e20;
 
 // Where a light's image is looked up, all in layer coordinates.
 struct ImageFootprint {
@@ -55,8 +59,8 @@ fn light_image_footprint(
     // The perpendicular from the origin, as far as the plane: with its sign, since it may point away from the plane.
     let perpendicular = m * lobe_normal;
     let slope = dot(normal, perpendicular);
-    let meets = abs(height) < abs(slope) / TINY;
-    let scale = select(0.0, height / slope, meets);
+    let meets = abs(height) < abs(slope) * FARTHEST;
+    let scale = select(0.0, height / select(1.0, slope, meets), meets);
     let foot = select(center, perpendicular * scale, meets);
     // What a cosine sees of a plane across its axis is centred on the foot of the perpendicular.
     // A cell sees its own part of that kernel only, whose middle is where the mean direction points.
@@ -70,8 +74,9 @@ fn light_image_footprint(
     let basis = orthonormal_basis(lobe_normal);
     let p = m * basis[0] * scale;
     let q = m * basis[1] * scale;
-    let a = vec2<f32>(dot(texture_u.xyz, p), dot(texture_v.xyz, p));
-    let b = vec2<f32>(dot(texture_u.xyz, q), dot(texture_v.xyz, q));
+    let widest = vec2<f32>(WIDEST);
+    let a = clamp(vec2<f32>(dot(texture_u.xyz, p), dot(texture_v.xyz, p)), -widest, widest);
+    let b = clamp(vec2<f32>(dot(texture_u.xyz, q), dot(texture_v.xyz, q)), -widest, widest);
     // Eigenvalues of a aT + b bT: the squared half-axes.
     let xx = a.x * a.x + b.x * b.x;
     let yy = a.y * a.y + b.y * b.y;
@@ -102,7 +107,7 @@ fn light_image_footprint(
 // Where a ray from the origin meets the light's plane; its centre if it does not.
 fn plane_point(ray: vec3<f32>, center: vec3<f32>, normal: vec3<f32>, height: f32) -> vec3<f32> {
     let slope = dot(normal, ray);
-    if abs(height) < abs(slope) / TINY && slope * height > 0.0 {
+    if abs(height) < abs(slope) * FARTHEST && slope * height > 0.0 {
         return ray * (height / slope);
     }
     return center;

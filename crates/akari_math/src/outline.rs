@@ -1,10 +1,10 @@
 //! From the triangles of a planar primitive to the one polygon that they cover.
 //!
-//! Plain slices in, plain vectors out: no scene, no engine.
-
-use std::collections::HashMap;
+//! Plain slices in, plain vectors out, in f64 inside: no scene, no engine, and no WGSL twin, since lights are made on the
+//! CPU.
 
 use glam::{DVec2, DVec3, Vec3};
+use std::collections::HashMap;
 
 /// Most vertices that a polygonal light may have.
 pub const MAX_VERTICES: usize = 16;
@@ -137,7 +137,7 @@ fn weld(positions: &[Vec3], indices: &[u32]) -> Vec<[u32; 3]> {
         .collect()
 }
 
-/// Twice-halved sum of cross products: length = area for a planar loop, direction = normal.
+/// Half the sum of the cross products of neighbouring corners: the area along the normal, for a planar loop.
 fn area_vector(points: impl Iterator<Item = DVec3> + Clone) -> DVec3 {
     let Some(origin) = points.clone().next() else {
         return DVec3::ZERO;
@@ -166,9 +166,7 @@ fn plane_normal(
     if area <= f64::MIN_POSITIVE {
         return Err(OutlineError::ZeroArea);
     }
-    let normal = sum
-        .try_normalize()
-        .ok_or(OutlineError::Inconsistent)?;
+    let normal = sum.try_normalize().ok_or(OutlineError::Inconsistent)?;
     Ok((normal, area))
 }
 
@@ -295,8 +293,7 @@ fn check_simple(
             }
             let (a, b) = (flat[i], flat[i + 1]);
             let (c, d) = (flat[j], flat[(j + 1) % n]);
-            let straddles =
-                |p: f64, q: f64| (p <= 0.0 && q >= 0.0) || (p >= 0.0 && q <= 0.0);
+            let straddles = |p: f64, q: f64| (p <= 0.0 && q >= 0.0) || (p >= 0.0 && q <= 0.0);
             // Collinear disjoint edges give four zeros; the boxes tell them from touching ones.
             let boxes_meet = a.min(b).cmple(c.max(d)).all() && c.min(d).cmple(a.max(b)).all();
             if boxes_meet

@@ -28,11 +28,11 @@ pub mod exr_io;
 mod framing;
 mod light_polygon;
 mod load;
-pub mod outline;
 mod texture;
 pub mod tonemap;
 mod types;
 
+pub use akari_math::outline;
 pub use atomic_write::write_atomic;
 pub use environment::Environment;
 pub use error::SceneError;

@@ -2,6 +2,7 @@
 
 use akari_gpu_test::compose_module;
 use akari_math::WGSL_MODULES;
+use akari_math::light_image::ImageFootprint;
 use akari_math::sg::lobe::{SgLobe, SgProduct};
 use encase::ShaderType;
 
@@ -75,6 +76,23 @@ fn structs_have_one_layout() {
         &["axis", "sharpness", "log_amplitude"],
         &product,
         &[1.0, 4.0, 5.0],
+    );
+}
+
+#[test]
+fn footprints_have_one_layout() {
+    let footprint = ImageFootprint {
+        center: glam::Vec2::new(1.0, 2.0),
+        line: glam::Vec2::new(3.0, 4.0),
+        width: 5.0,
+        spread: 6.0_f32.to_bits(),
+    };
+    check(
+        "akari_math::light_image",
+        "ImageFootprint",
+        &["center", "line", "width", "spread"],
+        &footprint,
+        &[1.0, 3.0, 5.0, 6.0],
     );
 }
 

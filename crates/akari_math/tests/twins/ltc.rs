@@ -3,13 +3,12 @@
 use crate::harness::{Case, Mutation, absolute, domain, dvec3, push3, rows, ulp, ulp_of, vec3};
 use akari_math::form_factor::{self, FormFactorChain};
 use akari_math::ltc::{lookup, polygon as ltc_polygon};
-use akari_math::{light_image, oracle, polygon};
+use akari_math::{oracle, polygon};
 use glam::{Mat3, Vec3, Vec4};
 
 const POLYGON: &str = "akari_math::polygon";
 const FORM_FACTOR: &str = "akari_math::form_factor";
 const LTC: &str = "akari_math::ltc::polygon";
-const IMAGE: &str = "akari_math::light_image";
 const LOOKUP: &str = "akari_math::ltc::lookup";
 
 fn mutation(module: &'static str, from: &'static str, to: &'static str) -> Mutation {
@@ -42,41 +41,6 @@ fn triangles(seed: u64, n: usize, z_lo: f32, z_hi: f32) -> Vec<f32> {
             random.range(0.3, 1.2),
         ));
         row.extend(m_inv.to_cols_array());
-    })
-}
-
-/// Axis in cosine space, texel, centre, normal, texture axes, area. The ray meets the light for a positive `sign`.
-fn image_rows(seed: u64, n: usize, sign: f32) -> Vec<f32> {
-    rows(seed, n, |random, row| {
-        let texel = Vec4::new(
-            random.range(0.5, 1.5),
-            random.range(-0.4, 0.4),
-            random.range(-0.4, 0.4),
-            random.range(0.4, 1.2),
-        );
-        let (axis, center, normal) = loop {
-            let axis = random.direction() * random.range(0.1, 1.0);
-            let center = random.direction() * random.range(0.5, 3.0);
-            let normal = random.direction();
-            let slope = normal.dot((lookup::ltc_m(texel) * axis).normalize());
-            let height = normal.dot(center);
-            if slope.abs() > 0.1 && height.abs() > 0.1 && slope * height * sign > 0.0 {
-                break (axis, center, normal);
-            }
-        };
-        push3(row, axis);
-        row.extend(texel.to_array());
-        push3(row, center);
-        push3(row, normal);
-        // Spans the image over the ten metres about the centre, so that nothing is clamped.
-        let u = random.around(normal, std::f32::consts::FRAC_PI_2);
-        let v = normal.cross(u);
-        row.extend(
-            [0.05 * u, 0.05 * v]
-                .into_iter()
-                .flat_map(|axis| [axis.x, axis.y, axis.z, 0.5]),
-        );
-        row.push(random.range(1.0, 400.0));
     })
 }
 
@@ -296,63 +260,6 @@ pub fn cases() -> Vec<Case> {
                 mutation(LTC, "m_inv * point);", "point);"),
                 mutation(LTC, "select(scaled, step.crossing, is_crossing));", "select(step.crossing, scaled, is_crossing));"),
                 mutation(LTC, "if all(scaled == vec3<f32>(0.0)) {\n        return;\n    }\n    let step = horizon_clip_push((*polygon).clip, scaled);\n    (*polygon).clip = step.clip;\n    // A loop", "let step = horizon_clip_push((*polygon).clip, scaled + vec3<f32>(0.0, 0.0, 1e-4));\n    (*polygon).clip = step.clip;\n    // A loop"),
-            ],
-        },
-        Case {
-            module: IMAGE,
-            functions: &["light_image_lookup"],
-            imports: "#import akari_math::ltc::lookup::{ltc_m, ltc_m_inv}",
-            body: "let texel = x_vec4(3u);
-                y_vec3(0u, light_image_lookup(x_vec3(0u), ltc_m(texel), ltc_m_inv(texel), x_vec3(7u), x_vec3(10u), x_vec4(13u), x_vec4(17u), x(21u)));",
-            inputs: 22,
-            outputs: 3,
-            twin: |x, y| {
-                let texel = Vec4::from_slice(&x[3..]);
-                push3(y, light_image::light_image_lookup(
-                    vec3(x, 0),
-                    lookup::ltc_m(texel),
-                    lookup::ltc_m_inv(texel),
-                    vec3(x, 7),
-                    vec3(x, 10),
-                    Vec4::from_slice(&x[13..]),
-                    Vec4::from_slice(&x[17..]),
-                    x[21],
-                ));
-            },
-            oracle: None,
-            domains: vec![
-                // A ray that grazes the light's plane magnifies rounding; those here meet it within 6 degrees or more.
-                domain("rays that meet the light", image_rows(79, 600, 1.0), ulp(0), absolute(1e-5)),
-                domain("rays that miss it", image_rows(80, 200, -1.0), ulp(0), absolute(2e-6)),
-                domain("no axis", [vec![0.0; 3], image_rows(81, 1, 1.0)[3..].to_vec()].concat(), ulp(0), absolute(2e-6)),
-            ],
-            mutations: vec![
-                mutation(IMAGE, "height / slope", "1.0001 * height / slope"),
-                mutation(IMAGE, "slope * height > 0.0", "slope * height != 0.0"),
-                mutation(IMAGE, "distance / sqrt(", "1.0001 * distance / sqrt("),
-            ],
-        },
-        Case {
-            module: IMAGE,
-            functions: &["light_image_lod"],
-            imports: "",
-            body: "y(0u, light_image_lod(x(0u), x(1u), x(2u)));",
-            inputs: 3,
-            outputs: 1,
-            twin: |x, y| y.push(light_image::light_image_lod(x[0], x[1], x[2])),
-            oracle: Some(|x, y| {
-                let texels = x[0].min(0.35 * x[1]) * x[2];
-                y.push(if texels < 2.0 { 0.5 * texels } else { texels.log2() });
-            }),
-            domains: vec![domain(
-                "widths",
-                rows(82, 500, |random, row| row.extend([random.log_range(-4.0, 1.0), random.range(0.1, 1.0), 256.0])),
-                absolute(4e-6),
-                absolute(4e-6),
-            )],
-            mutations: vec![
-                mutation(IMAGE, "CELL_FILTER: f32 = 0.35", "CELL_FILTER: f32 = 0.36"),
-                mutation(IMAGE, "0.5 * filter_texels, filter", "0.51 * filter_texels, filter"),
             ],
         },
         Case {

@@ -5,6 +5,7 @@ mod ggx;
 mod hard_classes;
 mod harness;
 mod layout;
+mod light_image;
 mod ltc;
 mod packing;
 mod properties;
@@ -23,6 +24,7 @@ fn table() -> Vec<Case> {
     cases.extend(ggx::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());
+    cases.extend(light_image::cases());
     cases.extend(bounds::cases());
     cases
 }

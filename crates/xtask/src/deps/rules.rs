@@ -63,7 +63,7 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         package: "akari_scene",
-        may_use: &[],
+        may_use: &["akari_math"],
         tests_may_use: &[],
         engine: Engine::None,
         only: None,

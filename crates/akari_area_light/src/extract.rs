@@ -88,7 +88,8 @@ pub fn extract_views(
     extracted: Res<ExtractedAreaLights>,
     marked: Query<Entity, With<ViewAreaLighting>>,
 ) {
-    let needed = report.is_active(crate::EFFECT) && !extracted.lights.is_empty();
+    let any_light = !extracted.lights.is_empty() || extracted.any_rect_light;
+    let needed = report.is_active(crate::EFFECT) && any_light;
     let mut wanted = bevy::platform::collections::HashSet::new();
     if needed {
         for (view, camera, settings, layers) in &cameras {
@@ -178,6 +179,8 @@ pub fn extract_area_lights(
                 two_sided: polygon.two_sided,
             }
         } else if let Some(rect) = rect {
+            // A degenerate one, too: Bevy would divide by its area.
+            any_rect_light = true;
             corners = PolygonLight::rectangle(rect.width, rect.height).vertices;
             let scale = transform.affine().matrix3;
             let area = rect.width * scale.x_axis.length() * rect.height * scale.y_axis.length();
@@ -199,7 +202,6 @@ pub fn extract_area_lights(
         match place(entity, &shape, texture, transform, render_layers) {
             Ok(light) => {
                 warned.remove(&entity);
-                any_rect_light |= light.is_some() && polygon.is_none();
                 list.extend(light);
             }
             Err(fault) => {

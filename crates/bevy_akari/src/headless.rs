@@ -20,6 +20,9 @@ use bevy::shader::ShaderCacheError;
 use bevy::tasks::tick_global_task_pools_on_main_thread;
 use bevy::window::{ExitCondition, WindowPlugin};
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static LOGGER_IS_SET: AtomicBool = AtomicBool::new(false);
 
 /// How a headless app is made.
 #[derive(Debug, Clone)]
@@ -210,6 +213,12 @@ impl Headless {
             .disable::<PipelinedRenderingPlugin>()
             // The caller decides what an interrupt means.
             .disable::<TerminalCtrlCHandlerPlugin>();
+        // A process has one logger: only the first app sets it.
+        let plugins = if LOGGER_IS_SET.swap(true, Ordering::Relaxed) {
+            plugins.disable::<LogPlugin>()
+        } else {
+            plugins
+        };
         #[cfg(feature = "window")]
         let plugins = plugins.disable::<bevy::winit::WinitPlugin>();
         app.add_plugins(plugins)

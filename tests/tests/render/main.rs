@@ -1,0 +1,6 @@
+//! Headless render tests, in one binary: each further one would link the whole engine again.
+
+mod accuracy;
+mod demand;
+mod lights;
+mod stability;

@@ -13,7 +13,7 @@ use bevy::world_serialization::WorldInstanceReady;
 use bevy_akari::headless::unit_exposure;
 use bevy_akari::prelude::*;
 use bevy_akari_examples::orbit::{Orbit, turn_orbits};
-use bevy_akari_examples::{Picture, asset_folder, draw, exit_code, start_headless};
+use bevy_akari_examples::{Picture, asset_folder, draw, exit_code, register_scene_types, start_headless};
 use clap::Parser;
 use std::collections::HashMap;
 use std::error::Error;
@@ -47,6 +47,7 @@ fn main() -> ExitCode {
 
 /// What window and picture have in common: the scene, its camera, and nothing that lights it but its own panels.
 fn add_gallery(app: &mut App, file: String) {
+    register_scene_types(app);
     app.insert_resource(GlobalAmbientLight::NONE)
         .insert_resource(ClearColor(Color::BLACK))
         .init_resource::<Controls>()
@@ -68,6 +69,8 @@ fn take_over_scene(
     for (camera, transform) in &cameras {
         commands.entity(camera).insert((
             AkariCamera,
+            // The camera comes with Bevy's default, and what a component requires does not replace what is there.
+            Msaa::Off,
             // Bevy leaves the emission of a deferred material out of the exposure. At unit exposure a panel is seen as
             // bright as it shines, and the picture is brightened after lighting.
             unit_exposure(),

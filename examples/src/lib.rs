@@ -2,10 +2,14 @@
 
 pub mod orbit;
 
-use bevy::camera::RenderTarget;
+use bevy::camera::primitives::{Aabb, Frustum};
+use bevy::camera::visibility::{VisibilityClass, VisibleEntities};
+use bevy::camera::{CameraMainTextureUsages, RenderTarget};
+use bevy::gltf::{GltfExtras, GltfMaterialName, GltfMeshName, GltfSceneName};
 use bevy::prelude::*;
 use bevy::render::render_resource::{TextureFormat, TextureUsages};
 use bevy::render::renderer::RenderDevice;
+use bevy::transform::components::TransformTreeChanged;
 use bevy_akari::headless::{Headless, HeadlessError, HeadlessOptions, HeadlessTarget};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -65,6 +69,36 @@ pub fn asset_folder() -> Result<PathBuf, String> {
         let places: Vec<String> = places.iter().map(|place| place.display().to_string()).collect();
         format!("there is no assets folder; looked for {}", places.join(", "))
     })
+}
+
+/// Registers the components of a loaded glTF scene, which Bevy spawns by reflection.
+///
+/// Bevy does so by itself with its default feature `reflect_auto_register`, which this workspace builds without.
+pub fn register_scene_types(app: &mut App) {
+    app.register_type::<Name>()
+        .register_type::<ChildOf>()
+        .register_type::<Children>()
+        .register_type::<Transform>()
+        .register_type::<TransformTreeChanged>()
+        .register_type::<GlobalTransform>()
+        .register_type::<Visibility>()
+        .register_type::<InheritedVisibility>()
+        .register_type::<ViewVisibility>()
+        .register_type::<VisibilityClass>()
+        .register_type::<Aabb>()
+        .register_type::<Mesh3d>()
+        .register_type::<MeshMaterial3d<StandardMaterial>>()
+        .register_type::<GltfSceneName>()
+        .register_type::<GltfMeshName>()
+        .register_type::<GltfMaterialName>()
+        .register_type::<GltfExtras>()
+        .register_type::<Camera>()
+        .register_type::<Camera3d>()
+        .register_type::<CameraMainTextureUsages>()
+        .register_type::<Projection>()
+        .register_type::<Frustum>()
+        .register_type::<RenderTarget>()
+        .register_type::<VisibleEntities>();
 }
 
 /// Starts a headless app that looks like one with a window: Bevy's own background and ambient light.

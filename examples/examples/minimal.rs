@@ -37,7 +37,7 @@ fn setup(
     commands.spawn((Mesh3d(meshes.add(Sphere::new(1.0))), MeshMaterial3d(glossy.clone())));
     let floor = Plane3d::new(Vec3::Y, Vec2::splat(10.0));
     commands.spawn((Mesh3d(meshes.add(floor)), MeshMaterial3d(glossy), Transform::from_xyz(0.0, -1.0, 0.0)));
-    commands.spawn((PolygonLight::regular(6, 1.0).with_luminance(20_000.0), from(-2.5, 1.0, -2.0)));
-    commands.spawn((AkariCamera, Camera3d::default(), from(0.0, 1.5, 5.0)));
+    commands.spawn((PolygonLight::regular(6, 1.0).with_luminance(10_000.0), from(-3.0, 0.5, 0.0)));
+    commands.spawn((AkariCamera, Camera3d::default(), from(0.0, 1.0, 6.0)));
 }
 // README: to here

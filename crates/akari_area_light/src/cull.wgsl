@@ -6,7 +6,7 @@
     box_behind_plane, box_distance_squared, box_plane_distance, contribution_bound, form_factor_bound,
     solid_angle_bound, sphere_touches_box,
 }
-#import akari_area_light::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
+#import akari_render::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
 #import akari_area_light::types::{
     AreaLight, AreaLightView, COUNTER_BELOW_CUTOFF, COUNTER_KEPT, COUNTER_OUT_OF_RANGE, COUNTER_TILES,
     COUNTER_TURNED_AWAY, CULL_WORKGROUP, FLAG_TWO_SIDED, LIGHTS_PER_WORD, TILE_SIZE,

@@ -66,7 +66,6 @@ impl Plugin for AreaLightPlugin {
             return;
         }
         load_shader_library!(app, "types.wgsl");
-        load_shader_library!(app, "gbuffer.wgsl");
         embedded_asset!(app, "cull.wgsl");
         embedded_asset!(app, "shade.wgsl");
         embedded_asset!(app, "prefilter.wgsl");
@@ -103,7 +102,7 @@ impl Plugin for AreaLightPlugin {
                         .chain()
                         .after(Core3dSystems::Prepass)
                         .before(Core3dSystems::MainPass),
-                    pass::area_light_shade
+                    (pass::area_light_shade, pass::area_light_capture)
                         .in_set(Core3dSystems::MainPass)
                         .after(deferred_lighting)
                         .before(main_opaque_pass_3d),

@@ -2,11 +2,15 @@
 
 use crate::pipeline::{AreaLightPipelines, CULL_LABEL, SHADE_LABEL};
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
+use akari_render::capture::ViewCapture;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache, RenderPassDescriptor};
+use bevy::render::render_resource::{
+    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+    RenderPassDescriptor, StoreOp,
+};
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
 
@@ -45,7 +49,13 @@ pub fn area_light_cull(
 
 /// Adds the light of all area lights to the HDR target, between Bevy's deferred lighting and the forward materials.
 pub fn area_light_shade(
-    view: ViewQuery<(&ViewAreaLights, &AreaLightsReady, &ViewUniformOffset, &ViewTarget, &ExtractedCamera)>,
+    view: ViewQuery<(
+        &ViewAreaLights,
+        &AreaLightsReady,
+        &ViewUniformOffset,
+        &ViewTarget,
+        &ExtractedCamera,
+    )>,
     cache: Res<PipelineCache>,
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
@@ -73,4 +83,43 @@ pub fn area_light_shade(
     pass.draw(0..3, 0..1);
     span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);
+}
+
+/// Draws the light once more, alone and unblended, for [`CaptureBuffers`](akari_render::capture::CaptureBuffers).
+pub fn area_light_capture(
+    view: ViewQuery<(
+        &ViewAreaLights,
+        &AreaLightsReady,
+        &ViewUniformOffset,
+        &ViewCapture,
+    )>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (lights, ready, view_offset, capture) = view.into_inner();
+    let (true, Some(group), Some(target)) = (ready.0, &lights.shade_group, capture.direct()) else {
+        return;
+    };
+    let Some(pipeline) = lights
+        .shade_captured
+        .and_then(|id| cache.get_render_pipeline(id))
+    else {
+        return;
+    };
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some("akari_area_light_capture"),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: Operations {
+                load: LoadOp::Clear(LinearRgba::NONE.into()),
+                store: StoreOp::Store,
+            },
+        })],
+        ..default()
+    });
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[view_offset.offset]);
+    pass.draw(0..3, 0..1);
 }

@@ -7,8 +7,8 @@ use bevy::pbr::MeshPipelineKey;
 use bevy::pbr::deferred::DeferredLightingLayout;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array, texture_depth_2d,
-    uniform_buffer,
+    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
+    texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -76,7 +76,18 @@ impl AreaLightPipelines {
             "akari_area_light_shade_layout",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
-                (view, area_view, depth, uint, uint, lights, read, read, float_array, filtering),
+                (
+                    view,
+                    area_view,
+                    depth,
+                    uint,
+                    uint,
+                    lights,
+                    read,
+                    read,
+                    float_array,
+                    filtering,
+                ),
             ),
         );
         let shade_textured_layout = BindGroupLayoutDescriptor::new(
@@ -84,7 +95,17 @@ impl AreaLightPipelines {
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
                 (
-                    view, area_view, depth, uint, uint, lights, read, read, float_array, filtering, float_array,
+                    view,
+                    area_view,
+                    depth,
+                    uint,
+                    uint,
+                    lights,
+                    read,
+                    read,
+                    float_array,
+                    filtering,
+                    float_array,
                     filtering,
                 ),
             ),
@@ -156,6 +177,8 @@ pub struct ShadeKey {
     pub target_format: TextureFormat,
     /// Whether any light has an image.
     pub textured: bool,
+    /// Whether the light is added to what the target holds; not so for 32-bit float, which few GPUs can blend.
+    pub blend: bool,
 }
 
 impl SpecializedRenderPipeline for AreaLightPipelines {
@@ -181,7 +204,10 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
                 shader_defs,
                 targets: vec![Some(ColorTargetState {
                     format: key.target_format,
-                    blend: Some(BlendState { color: add, alpha: add }),
+                    blend: key.blend.then_some(BlendState {
+                        color: add,
+                        alpha: add,
+                    }),
                     write_mask: ColorWrites::COLOR,
                 })],
                 ..default()

@@ -8,11 +8,14 @@ use crate::pipeline::{
     AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights, ltc_table_bytes,
 };
 use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
+use akari_render::capture::{DIRECT_FORMAT, ViewCapture};
 use akari_render::prelude::*;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::math::Vec4;
-use bevy::pbr::deferred::{DeferredLightingLayout, DeferredLightingPipeline, PbrDeferredLightingDepthId};
+use bevy::pbr::deferred::{
+    DeferredLightingLayout, DeferredLightingPipeline, PbrDeferredLightingDepthId,
+};
 use bevy::pbr::{MeshPipelineKey, ViewKeyCache};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -48,6 +51,8 @@ pub struct ViewAreaLights {
     pub tiles: UVec2,
     /// The shading pipeline for the view's target.
     pub shade: CachedRenderPipelineId,
+    /// The same for the light alone, if it is captured.
+    pub shade_captured: Option<CachedRenderPipelineId>,
     /// Bind group of the culling pass; made anew each frame, since the prepass textures may change.
     pub cull_group: Option<BindGroup>,
     /// Bind group of the shading pass.
@@ -94,7 +99,13 @@ pub fn prepare_area_light_pipelines(
     if views.is_empty() || existing.is_some() {
         return;
     }
-    commands.insert_resource(AreaLightPipelines::new(&device, &queue, &cache, &assets, &fullscreen));
+    commands.insert_resource(AreaLightPipelines::new(
+        &device,
+        &queue,
+        &cache,
+        &assets,
+        &fullscreen,
+    ));
     commands.init_resource::<SpecializedRenderPipelines<AreaLightPipelines>>();
     commands.init_resource::<AreaLightBuffers>();
     ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
@@ -108,6 +119,7 @@ pub fn prepare_area_lights(
         &ExtractedView,
         &ViewAreaLighting,
         Option<&PbrDeferredLightingDepthId>,
+        Has<ViewCapture>,
         Option<&mut ViewAreaLights>,
     )>,
     extracted: Res<ExtractedAreaLights>,
@@ -120,12 +132,14 @@ pub fn prepare_area_lights(
     queue: Res<RenderQueue>,
     ledger: Res<GpuLedger>,
 ) {
-    let (Some(pipelines), Some(mut specialized), Some(mut buffers)) = (pipelines, specialized, buffers) else {
+    let (Some(pipelines), Some(mut specialized), Some(mut buffers)) =
+        (pipelines, specialized, buffers)
+    else {
         return;
     };
     let images = images.as_deref();
     let versions = (extracted.version, images.map_or(0, |images| images.version));
-    for (entity, view, lighting, pass_id, existing) in views {
+    for (entity, view, lighting, pass_id, captured, existing) in views {
         let settings = &lighting.settings;
         let cells = settings.texture_cells.clamp(1, 8);
         let light_buffers = buffers
@@ -136,7 +150,8 @@ pub fn prepare_area_lights(
             let arrays = build_light_arrays(&extracted.lights, cells, |light| {
                 images?.layer_of(extracted.lights[light].entity)
             });
-            *light_buffers = LightBuffers::upload(&device, versions, &arrays.lights, &arrays.vertices);
+            *light_buffers =
+                LightBuffers::upload(&device, versions, &arrays.lights, &arrays.vertices);
             let bytes = light_buffers.lights.size() + light_buffers.vertices.size();
             ledger.set_bytes(EFFECT, format!("lights, {cells} cells"), bytes);
         }
@@ -154,8 +169,20 @@ pub fn prepare_area_lights(
             ShadeKey {
                 target_format: view.target_format,
                 textured,
+                blend: true,
             },
         );
+        let shade_captured = captured.then(|| {
+            specialized.specialize(
+                &cache,
+                &pipelines,
+                ShadeKey {
+                    target_format: DIRECT_FORMAT,
+                    textured,
+                    blend: false,
+                },
+            )
+        });
         let uniform = GpuAreaLightView {
             light_count: count,
             words_per_tile: shape.words_per_tile,
@@ -164,9 +191,10 @@ pub fn prepare_area_lights(
             // So that all dropped lights together stay below the cutoff.
             cutoff_per_light: settings.contribution_cutoff.max(0.0) / count.max(1) as f32,
             render_layers: lighting.render_layers,
-            lighting_pass_id: pass_id.map_or(u32::from(bevy::pbr::deferred::DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID), |id| {
-                u32::from(id.get())
-            }),
+            lighting_pass_id: pass_id.map_or(
+                u32::from(bevy::pbr::deferred::DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID),
+                |id| u32::from(id.get()),
+            ),
             culling: u32::from(settings.culling),
         };
         let mut bytes = encase::UniformBuffer::new(Vec::new());
@@ -177,6 +205,7 @@ pub fn prepare_area_lights(
         if let Some(mut existing) = existing.filter(|existing| existing.shape == shape) {
             queue.write_buffer(&existing.uniform, 0, bytes.as_ref());
             existing.shade = shade;
+            existing.shade_captured = shade_captured;
             existing.textured = textured;
             existing.texture_cells = cells;
             continue;
@@ -208,12 +237,14 @@ pub fn prepare_area_lights(
             shape,
             tiles,
             shade,
+            shade_captured,
             cull_group: None,
             shade_group: None,
             textured,
             texture_cells: cells,
         };
-        let held = view_lights.masks.size() + view_lights.counters.size() + view_lights.uniform.size();
+        let held =
+            view_lights.masks.size() + view_lights.counters.size() + view_lights.uniform.size();
         ledger.set_bytes(EFFECT, format!("view {entity}"), held);
         commands.entity(entity).insert(view_lights);
     }
@@ -224,14 +255,27 @@ impl LightBuffers {
         Self::upload(device, (u64::MAX, u64::MAX), &[], &[])
     }
 
-    fn upload(device: &RenderDevice, versions: (u64, u64), lights: &[GpuAreaLight], vertices: &[Vec4]) -> Self {
+    fn upload(
+        device: &RenderDevice,
+        versions: (u64, u64),
+        lights: &[GpuAreaLight],
+        vertices: &[Vec4],
+    ) -> Self {
         // A binding cannot be empty: without lights one zeroed element stands there, and the count is 0.
         let mut light_bytes = encase::StorageBuffer::new(Vec::new());
-        let padded = if lights.is_empty() { vec![GpuAreaLight::default()] } else { lights.to_vec() };
+        let padded = if lights.is_empty() {
+            vec![GpuAreaLight::default()]
+        } else {
+            lights.to_vec()
+        };
         if let Err(error) = light_bytes.write(&padded) {
             error!("area lights: the lights could not be written: {error}");
         }
-        let padded = if vertices.is_empty() { vec![Vec4::ZERO] } else { vertices.to_vec() };
+        let padded = if vertices.is_empty() {
+            vec![Vec4::ZERO]
+        } else {
+            vertices.to_vec()
+        };
         let storage = |label, contents: &[u8]| {
             device.create_buffer_with_data(&BufferInitDescriptor {
                 label: Some(label),
@@ -343,16 +387,15 @@ pub fn replace_deferred_lighting(
     pipelines: Option<Res<AreaLightPipelines>>,
     cache: Res<PipelineCache>,
 ) {
-    let (Some(bevy_layout), Some(mut buffers), Some(pipelines)) = (bevy_layout, buffers, pipelines) else {
+    let (Some(bevy_layout), Some(mut buffers), Some(pipelines)) = (bevy_layout, buffers, pipelines)
+    else {
         return;
     };
     for (entity, extracted_view, view) in &views {
         let ours_ready = cache.get_compute_pipeline(pipelines.cull).is_some()
             && cache.get_render_pipeline(view.shade).is_some();
         if !extracted.any_rect_light {
-            commands
-                .entity(entity)
-                .insert(AreaLightsReady(ours_ready));
+            commands.entity(entity).insert(AreaLightsReady(ours_ready));
             continue;
         }
         let Some(key) = keys.get(&extracted_view.retained_view_entity) else {
@@ -362,7 +405,10 @@ pub fn replace_deferred_lighting(
             .bevy_without_rect_lights
             .entry(*key)
             .or_insert_with(|| {
-                cache.queue_render_pipeline(deferred_lighting_without_rect_lights(&bevy_layout, *key))
+                cache.queue_render_pipeline(deferred_lighting_without_rect_lights(
+                    &bevy_layout,
+                    *key,
+                ))
             });
         let ready = ours_ready && cache.get_render_pipeline(replacement).is_some();
         commands.entity(entity).insert(AreaLightsReady(ready));
@@ -377,4 +423,3 @@ pub fn replace_deferred_lighting(
 /// Whether the passes of a view may run: their pipelines, and Bevy's without its rectangular lights, are compiled.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AreaLightsReady(pub bool);
-

@@ -11,7 +11,7 @@
     LambertPolygon, LtcPolygon, lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new,
     ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new,
 }
-#import akari_area_light::gbuffer::{Surface, position_relative, unpack_surface, view_direction}
+#import akari_render::gbuffer::{Surface, position_relative, unpack_surface, view_direction}
 #import akari_area_light::types::{
     AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_SIZE,
 }

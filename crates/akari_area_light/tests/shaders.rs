@@ -57,7 +57,7 @@ const TYPES: &str = include_str!("../src/types.wgsl");
 /// Modules of this crate that the entry shaders import.
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
-    ("gbuffer.wgsl", include_str!("../src/gbuffer.wgsl")),
+    ("gbuffer.wgsl", include_str!("../../akari_render/src/gbuffer.wgsl")),
 ];
 
 /// Bevy's fullscreen triangle: embedded by its plugin, but loaded only with a renderer.

@@ -47,7 +47,9 @@ pub enum ProgressMode {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Render a glTF scene headless through the Bevy plugins
-    #[command(after_help = "Example:\n  akari render assets/scenes/gallery.glb --size 1280x720 --out gallery.png")]
+    #[command(
+        after_help = "Example:\n  akari render assets/scenes/gallery.glb --size 1280x720 --out gallery.png"
+    )]
     Render(RenderArgs),
     /// Ground truth by the CPU path tracer
     #[command(
@@ -58,7 +60,9 @@ pub enum Command {
     #[command(after_help = "Example:\n  akari compare ours.exr ref.exr --mask interior.exr")]
     Compare(CompareArgs),
     /// What is in a scene, and which effects it calls for and why
-    #[command(after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect --settings")]
+    #[command(
+        after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect --settings"
+    )]
     Inspect(InspectArgs),
     /// Which GPU adapters are there, and what works on them
     #[command(after_help = "Example:\n  akari doctor")]
@@ -86,7 +90,9 @@ impl FromStr for Size {
                     height: parse(height)?,
                 })
             })
-            .ok_or_else(|| format!("'{text}' is no size; write width x height in pixels, as 1280x720"))
+            .ok_or_else(|| {
+                format!("'{text}' is no size; write width x height in pixels, as 1280x720")
+            })
     }
 }
 
@@ -116,7 +122,11 @@ impl FromStr for Setting {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("'{text}' is no setting; write effect.knob=value, as area_lights.texture_cells=4");
+        let wrong = || {
+            format!(
+                "'{text}' is no setting; write effect.knob=value, as area_lights.texture_cells=4"
+            )
+        };
         let (name, value) = text.split_once('=').ok_or_else(wrong)?;
         let (effect, knob) = name.split_once('.').ok_or_else(wrong)?;
         Ok(Self {
@@ -275,12 +285,25 @@ mod tests {
 
     #[test]
     fn sizes_and_settings_parse() {
-        assert_eq!("64x32".parse(), Ok(Size { width: 64, height: 32 }));
+        assert_eq!(
+            "64x32".parse(),
+            Ok(Size {
+                width: 64,
+                height: 32
+            })
+        );
         for wrong in ["64", "0x32", "64x", "ax3", "-1x4", "64x32x2"] {
             assert!(wrong.parse::<Size>().is_err(), "{wrong}");
         }
         let setting: Setting = "area_lights.texture_cells=2".parse().expect("a setting");
-        assert_eq!((setting.effect.as_str(), setting.knob.as_str(), setting.value), ("area_lights", "texture_cells", 2.0));
+        assert_eq!(
+            (
+                setting.effect.as_str(),
+                setting.knob.as_str(),
+                setting.value
+            ),
+            ("area_lights", "texture_cells", 2.0)
+        );
         for wrong in ["a.b", "a=1", "a.b=x", ""] {
             assert!(wrong.parse::<Setting>().is_err(), "{wrong}");
         }

@@ -15,9 +15,9 @@ pub fn print_result(text: &str) -> Result<(), CliError> {
         .and_then(|()| stdout.write_all(b"\n"))
         .and_then(|()| stdout.flush());
     match written {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(CliError::other(format!("standard output: cannot be written: {error}")))
-        }
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(CliError::other(format!(
+            "standard output: cannot be written: {error}"
+        ))),
         _ => Ok(()),
     }
 }

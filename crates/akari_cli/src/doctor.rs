@@ -34,7 +34,10 @@ pub fn run(common: &Common) -> Result<(), CliError> {
 
 fn describe_adapter(adapter: &AdapterDescription) -> String {
     let mut lines = Vec::new();
-    lines.push(format!("{} ({}, {})", adapter.name, adapter.kind, adapter.backend));
+    lines.push(format!(
+        "{} ({}, {})",
+        adapter.name, adapter.kind, adapter.backend
+    ));
     lines.push(format!("  driver           {}", adapter.driver));
     let limits = &adapter.limits;
     lines.push(format!(
@@ -51,9 +54,21 @@ fn describe_adapter(adapter: &AdapterDescription) -> String {
         limits.max_compute_invocations_per_workgroup,
         limits.max_compute_workgroup_storage_size >> 10
     ));
-    let has = |feature| if adapter.features.contains(feature) { "yes" } else { "no" };
-    lines.push(format!("  time stamps      {} (times in --stats)", has(Features::TIMESTAMP_QUERY)));
-    lines.push(format!("  area lights      {}", area_light_support(adapter)));
+    let has = |feature| {
+        if adapter.features.contains(feature) {
+            "yes"
+        } else {
+            "no"
+        }
+    };
+    lines.push(format!(
+        "  time stamps      {} (times in --stats)",
+        has(Features::TIMESTAMP_QUERY)
+    ));
+    lines.push(format!(
+        "  area lights      {}",
+        area_light_support(adapter)
+    ));
     lines.join("\n")
 }
 

@@ -24,7 +24,8 @@ pub fn run(args: &InspectArgs, common: &Common) -> Result<(), CliError> {
     let scene = load_scene(path, common)?;
     let document = describe(&scene);
     if args.json {
-        let text = serde_json::to_string_pretty(&document).map_err(|error| CliError::other(error.to_string()))?;
+        let text = serde_json::to_string_pretty(&document)
+            .map_err(|error| CliError::other(error.to_string()))?;
         print_result(&text)
     } else {
         print_result(&description(&document))
@@ -34,13 +35,20 @@ pub fn run(args: &InspectArgs, common: &Common) -> Result<(), CliError> {
 /// The default settings as RON, each line with its unit and range.
 fn settings_document() -> Result<String, CliError> {
     let settings = AkariSettings::default();
-    let ron = settings.to_ron().map_err(|error| CliError::other(error.to_string()))?;
+    let ron = settings
+        .to_ron()
+        .map_err(|error| CliError::other(error.to_string()))?;
     let knobs = settings.knobs();
-    let mut document = String::from("// All settings at their defaults (quality high). Leave out what you do not change.\n");
+    let mut document = String::from(
+        "// All settings at their defaults (quality high). Leave out what you do not change.\n",
+    );
     for line in ron.lines() {
         let name = line.trim().split(':').next().unwrap_or_default();
         if let Some((_, knob, _)) = knobs.iter().find(|(_, knob, _)| knob.name == name) {
-            let indent: String = line.chars().take_while(|letter| letter.is_whitespace()).collect();
+            let indent: String = line
+                .chars()
+                .take_while(|letter| letter.is_whitespace())
+                .collect();
             let [low, medium, high, ultra] = knob.presets;
             document.push_str(&format!(
                 "{indent}// {}; {} to {}. low {low}, medium {medium}, high {high}, ultra {ultra}. {}\n",
@@ -80,14 +88,18 @@ fn describe(scene: &Scene) -> serde_json::Value {
             }),
         })
         .collect();
-    let lights = candidates.iter().filter(|candidate| candidate.result.is_ok()).count() + scene.area_lights.len();
+    let lights = candidates
+        .iter()
+        .filter(|candidate| candidate.result.is_ok())
+        .count()
+        + scene.area_lights.len();
     let mut census = Census::default();
     census.set(VISIBLE_AREA_LIGHTS, lights as u32);
     census.set(AREA_LIT_CAMERAS, 1);
     let area_lights = demand(&census);
-    let bounds = scene.bounds().map(|bounds| {
-        json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() })
-    });
+    let bounds = scene
+        .bounds()
+        .map(|bounds| json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() }));
     json!({
         "file": scene.source.display().to_string(),
         "name": scene.name,
@@ -117,26 +129,64 @@ fn description(document: &serde_json::Value) -> String {
         lines.push(format!("  {key:16} {}", document[key]));
     }
     for key in ["materials", "cameras", "punctual_lights", "area_lights"] {
-        let names: Vec<_> = document[key].as_array().into_iter().flatten().filter_map(|name| name.as_str()).collect();
-        lines.push(format!("  {:16} {} {}", key.replace('_', " "), names.len(), shorten(&names)));
+        let names: Vec<_> = document[key]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(|name| name.as_str())
+            .collect();
+        lines.push(format!(
+            "  {:16} {} {}",
+            key.replace('_', " "),
+            names.len(),
+            shorten(&names)
+        ));
     }
     for image in document["images"].as_array().into_iter().flatten() {
-        lines.push(format!("  image            {} {} x {}", image["name"], image["width"], image["height"]));
+        lines.push(format!(
+            "  image            {} {} x {}",
+            image["name"], image["width"], image["height"]
+        ));
     }
-    for emissive in document["emissive_primitives"].as_array().into_iter().flatten() {
+    for emissive in document["emissive_primitives"]
+        .as_array()
+        .into_iter()
+        .flatten()
+    {
         let name = emissive["name"].as_str().unwrap_or_default();
         if emissive["area_light"] == true {
-            let textured = if emissive["textured"] == true { ", textured" } else { "" };
-            let sides = if emissive["two_sided"] == true { ", two-sided" } else { "" };
-            lines.push(format!("  area light       {name}: {} corners{textured}{sides}", emissive["corners"]));
+            let textured = if emissive["textured"] == true {
+                ", textured"
+            } else {
+                ""
+            };
+            let sides = if emissive["two_sided"] == true {
+                ", two-sided"
+            } else {
+                ""
+            };
+            lines.push(format!(
+                "  area light       {name}: {} corners{textured}{sides}",
+                emissive["corners"]
+            ));
         } else {
-            lines.push(format!("  emissive         {name}: no area light, {}", emissive["reason"].as_str().unwrap_or_default()));
+            lines.push(format!(
+                "  emissive         {name}: no area light, {}",
+                emissive["reason"].as_str().unwrap_or_default()
+            ));
         }
     }
     lines.push("effects".to_owned());
     for (name, state) in document["effects"].as_object().into_iter().flatten() {
-        let on = if state["active"] == true { "on " } else { "off" };
-        lines.push(format!("  {name:16} {on} {}", state["reason"].as_str().unwrap_or_default()));
+        let on = if state["active"] == true {
+            "on "
+        } else {
+            "off"
+        };
+        lines.push(format!(
+            "  {name:16} {on} {}",
+            state["reason"].as_str().unwrap_or_default()
+        ));
     }
     lines.join("\n")
 }
@@ -147,6 +197,10 @@ fn shorten(names: &[&str]) -> String {
     match names.len() {
         0 => String::new(),
         count if count <= SHOWN => format!("({})", names.join(", ")),
-        count => format!("({}, and {} more)", names[..SHOWN].join(", "), count - SHOWN),
+        count => format!(
+            "({}, and {} more)",
+            names[..SHOWN].join(", "),
+            count - SHOWN
+        ),
     }
 }

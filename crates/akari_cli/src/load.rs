@@ -22,7 +22,12 @@ pub enum PictureFormat {
 /// # Errors
 /// If its ending is neither `.exr` nor `.png`.
 pub fn picture_format(path: &Path) -> Result<PictureFormat, CliError> {
-    match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
+    match path
+        .extension()
+        .and_then(|ending| ending.to_str())
+        .map(str::to_lowercase)
+        .as_deref()
+    {
         Some("exr") => Ok(PictureFormat::Exr),
         Some("png") => Ok(PictureFormat::Png),
         _ => Err(CliError::usage(format!(
@@ -49,7 +54,10 @@ pub fn check_output(path: &Path) -> Result<(), CliError> {
         )));
     }
     if path.is_dir() {
-        return Err(CliError::input(format!("{}: is a folder; name a file in it", path.display())));
+        return Err(CliError::input(format!(
+            "{}: is a folder; name a file in it",
+            path.display()
+        )));
     }
     // Asked by trying: permissions alone do not tell (read-only file systems, access lists).
     tempfile::tempfile_in(folder).map(drop).map_err(|error| {
@@ -95,7 +103,9 @@ pub fn write_picture(path: &Path, image: &RgbImage, exposure: Option<f32>) -> Re
     let _writing = crate::progress::writing();
     match picture_format(path)? {
         PictureFormat::Exr => write_rgb(path, image)?,
-        PictureFormat::Png => write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?,
+        PictureFormat::Png => {
+            write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?
+        }
     }
     Ok(())
 }
@@ -116,10 +126,17 @@ pub fn load_scene(path: &Path, common: &Common) -> Result<Scene, CliError> {
 ///
 /// # Errors
 /// If there is no camera of that name or number; those that are there are listed.
-pub fn choose_camera(scene: &Scene, wanted: Option<&str>, common: &Common) -> Result<Camera, CliError> {
+pub fn choose_camera(
+    scene: &Scene,
+    wanted: Option<&str>,
+    common: &Common,
+) -> Result<Camera, CliError> {
     if wanted.is_none() && scene.cameras.is_empty() {
         let source = scene.source.display();
-        warn(common, &format!("{source}: the scene has no camera: it is framed from the front"));
+        warn(
+            common,
+            &format!("{source}: the scene has no camera: it is framed from the front"),
+        );
     }
     // The file is fine, the argument is not: bad usage, whatever else this kind of error says elsewhere.
     scene

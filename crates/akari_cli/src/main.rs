@@ -32,8 +32,11 @@ fn main() -> ExitCode {
         Command::Doctor => doctor::run(common),
     };
     // A defect of ours or of the engine ends like every other failure: one message, an exit code, no half file.
-    let result = catch_unwind(AssertUnwindSafe(run))
-        .unwrap_or_else(|_| Err(CliError::other("internal error, see above; please report the command and its files")));
+    let result = catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|_| {
+        Err(CliError::other(
+            "internal error, see above; please report the command and its files",
+        ))
+    });
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

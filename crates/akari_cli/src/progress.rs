@@ -39,8 +39,15 @@ pub fn interrupted() -> bool {
 /// # Errors
 /// With the exit code of an interruption.
 pub fn check_interrupt() -> Result<(), CliError> {
-    if interrupted() { Err(CliError::interrupted()) } else { Ok(()) }
+    if interrupted() {
+        Err(CliError::interrupted())
+    } else {
+        Ok(())
+    }
 }
+
+/// No JSON line was printed yet.
+const NO_LINE: u64 = u64::MAX;
 
 /// Where progress is shown.
 pub struct Reporter {
@@ -55,22 +62,27 @@ pub struct Reporter {
 impl Reporter {
     /// Progress of `what` ("reference").
     pub fn new(what: &'static str, common: &Common) -> Self {
-        let mode = if common.quiet { ProgressMode::None } else { common.progress };
+        let mode = if common.quiet {
+            ProgressMode::None
+        } else {
+            common.progress
+        };
         let bar = match mode {
             ProgressMode::Bar => true,
             ProgressMode::Auto => std::io::stderr().is_terminal(),
             ProgressMode::Json | ProgressMode::None => false,
         };
         let bar = bar.then(|| {
-            let style = ProgressStyle::with_template("{prefix} {bar:40} {percent:>3} %  {eta} left")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let style =
+                ProgressStyle::with_template("{prefix} {bar:40} {percent:>3} %  {eta} left")
+                    .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(0).with_style(style).with_prefix(what)
         });
         Self {
             what,
             bar,
             json: mode == ProgressMode::Json,
-            last_line_ms: AtomicU64::new(0),
+            last_line_ms: AtomicU64::new(NO_LINE),
             start: Instant::now(),
         }
     }
@@ -86,7 +98,7 @@ impl Reporter {
             const INTERVAL_MS: u64 = 500;
             let now = self.start.elapsed().as_millis() as u64;
             let last = self.last_line_ms.load(Ordering::Relaxed);
-            let due = now >= last + INTERVAL_MS || done == total;
+            let due = last == NO_LINE || now >= last + INTERVAL_MS || done == total;
             if due
                 && self
                     .last_line_ms

@@ -3,7 +3,10 @@
 use crate::args::{Common, ReferenceArgs};
 use crate::console::{print_result, warn};
 use crate::error::CliError;
-use crate::load::{check_folder, check_output, check_size, choose_camera, load_scene, make_folder, picture_format, write_picture};
+use crate::load::{
+    check_folder, check_output, check_size, choose_camera, load_scene, make_folder, picture_format,
+    write_picture,
+};
 use crate::progress::{Reporter, writing};
 use akari_reference::{Error, Options, render};
 use akari_scene::Environment;
@@ -45,11 +48,13 @@ pub fn run(args: &ReferenceArgs, common: &Common) -> Result<(), CliError> {
         threads: None,
     };
     let reporter = Reporter::new("reference", common);
-    let output = render(&scene, environment.as_ref(), &options, &reporter).map_err(|error| match error {
-        Error::Options(text) => CliError::usage(text),
-        Error::Scene(error) => error.into(),
-        Error::Cancelled => CliError::interrupted(),
-    })?;
+    reporter.show(0, u64::from(args.size.width) * u64::from(args.size.height));
+    let output =
+        render(&scene, environment.as_ref(), &options, &reporter).map_err(|error| match error {
+            Error::Options(text) => CliError::usage(text),
+            Error::Scene(error) => error.into(),
+            Error::Cancelled => CliError::interrupted(),
+        })?;
     reporter.finish();
     if output.statistics.non_finite_samples > 0 {
         warn(

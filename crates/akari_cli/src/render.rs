@@ -3,16 +3,21 @@
 use crate::args::{Common, QualityArg, RenderArgs};
 use crate::console::warn;
 use crate::error::CliError;
-use crate::load::{check_folder, check_output, check_size, choose_camera, load_scene, picture_format, write_picture};
+use crate::load::{
+    check_folder, check_output, check_size, choose_camera, load_scene, picture_format,
+    write_picture,
+};
 use crate::progress::{Reporter, check_interrupt};
 use crate::spawn::{camera_components, spawn_scene};
 use crate::stats::{FrameTimes, Stats};
 use akari_scene::Scene;
 use akari_scene::exr_io::RgbImage;
 use bevy::prelude::*;
+use bevy::render::renderer::RenderDevice;
 use bevy_akari::area_light::demand::{CollectCounters, VISIBLE_AREA_LIGHTS};
 use bevy_akari::headless::{Headless, HeadlessOptions};
 use bevy_akari::prelude::*;
+use bevy_akari::render::capture::CaptureBuffers;
 use bevy_akari::render::census::Census;
 use std::time::Instant;
 
@@ -92,14 +97,19 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     if let Some(stats) = &args.stats {
         check_output(stats)?;
         if *stats == args.out {
-            return Err(CliError::usage(format!("{}: --out and --stats name the same file", stats.display())));
+            return Err(CliError::usage(format!(
+                "{}: --out and --stats name the same file",
+                stats.display()
+            )));
         }
     }
     if let Some(folder) = &args.buffers {
         check_folder(folder)?;
     }
     if args.bake.is_some() {
-        return Err(CliError::usage("--bake: this version draws no baked visibility yet"));
+        return Err(CliError::usage(
+            "--bake: this version draws no baked visibility yet",
+        ));
     }
     if args.environment.is_some() {
         return Err(CliError::usage(
@@ -128,15 +138,31 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     }
     let (projection, transform) = camera_components(&camera);
     let size = UVec2::new(args.size.width, args.size.height);
+    check_gpu_size(&headless, args)?;
     let view = headless.spawn_camera(size, projection, transform)?;
     if wanted.area_lights() && !args.bevy_rect_lights {
-        headless.app.world_mut().entity_mut(view).insert(AkariCamera);
+        headless
+            .app
+            .world_mut()
+            .entity_mut(view)
+            .insert(AkariCamera);
     } else {
         use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
-        headless.app.world_mut().entity_mut(view).insert((DepthPrepass, DeferredPrepass));
+        headless
+            .app
+            .world_mut()
+            .entity_mut(view)
+            .insert((DepthPrepass, DeferredPrepass));
     }
     if args.bevy_rect_lights {
         crate::spawn::replace_by_bevy_rect_lights(&mut headless, common)?;
+    }
+    if args.buffers.is_some() {
+        headless
+            .app
+            .world_mut()
+            .entity_mut(view)
+            .insert(CaptureBuffers::default());
     }
     headless.step_until_ready()?;
 
@@ -147,7 +173,11 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     let mut times = FrameTimes::default();
     // No effect of this version changes from frame to frame: the picture has converged when everything is loaded.
     // For times, a few frames more, without the ones in which a software GPU compiles.
-    let frames = args.frames.unwrap_or(if args.stats.is_some() { TIMED_FRAMES } else { 1 });
+    let frames = args.frames.unwrap_or(if args.stats.is_some() {
+        TIMED_FRAMES
+    } else {
+        1
+    });
     for frame in 0..frames {
         check_interrupt()?;
         reporter.show(u64::from(frame), u64::from(frames));
@@ -170,7 +200,10 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
         })
         .collect();
     if non_finite > 0 {
-        warn(common, &format!("{non_finite} pixels are not finite: please report this scene"));
+        warn(
+            common,
+            &format!("{non_finite} pixels are not finite: please report this scene"),
+        );
     }
     let image = RgbImage {
         width: read.width,
@@ -203,6 +236,25 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     Ok(())
 }
 
+/// Refuses images that the GPU cannot hand over: each pixel is read back as four 32-bit floats from one buffer.
+fn check_gpu_size(headless: &Headless, args: &RenderArgs) -> Result<(), CliError> {
+    /// Texture data are measured in 32 bits on their way to the GPU.
+    const MOST_BYTES: u64 = u32::MAX as u64;
+    let bytes =
+        u64::from(args.size.width) * u64::from(args.size.height) * size_of::<[f32; 4]>() as u64;
+    let limits = headless.app.world().resource::<RenderDevice>().limits();
+    let most = limits.max_buffer_size.min(MOST_BYTES);
+    if bytes > most {
+        return Err(CliError::usage(format!(
+            "{}x{} pixels are too many for this GPU: it holds {} in all",
+            args.size.width,
+            args.size.height,
+            most / size_of::<[f32; 4]>() as u64
+        )));
+    }
+    Ok(())
+}
+
 /// The settings that the arguments ask for.
 fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
     let mut settings = match &args.settings {
@@ -214,10 +266,15 @@ fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
         }),
         Some(path) => {
             let advice = "`akari inspect --settings` prints a valid file";
-            let text = std::fs::read_to_string(path)
-                .map_err(|error| CliError::input(format!("{}: cannot be read: {error}; {advice}", path.display())))?;
-            AkariSettings::from_ron(&text)
-                .map_err(|error| CliError::input(format!("{}: {error}; {advice}", path.display())))?
+            let text = std::fs::read_to_string(path).map_err(|error| {
+                CliError::input(format!(
+                    "{}: cannot be read: {error}; {advice}",
+                    path.display()
+                ))
+            })?;
+            AkariSettings::from_ron(&text).map_err(|error| {
+                CliError::input(format!("{}: {error}; {advice}", path.display()))
+            })?
         }
     };
     for setting in &args.set {
@@ -231,8 +288,14 @@ fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
 /// A power of two that brings the brightest emission well below the end of half precision.
 fn radiance_scale(scene: &Scene) -> f32 {
     const BRIGHTEST: f32 = 16_384.0;
-    let emission = scene.materials.iter().map(|material| material.emission.max_element());
-    let area = scene.area_lights.iter().map(|light| light.radiance.max_element());
+    let emission = scene
+        .materials
+        .iter()
+        .map(|material| material.emission.max_element());
+    let area = scene
+        .area_lights
+        .iter()
+        .map(|light| light.radiance.max_element());
     let brightest = emission.chain(area).fold(0.0f32, f32::max);
     if brightest <= BRIGHTEST {
         1.0
@@ -249,10 +312,17 @@ mod tests {
     #[test]
     fn effects_are_checked_by_name() {
         assert_eq!(WantedEffects::parse("auto").ok(), Some(WantedEffects::Auto));
-        assert_eq!(WantedEffects::parse("none").ok(), Some(WantedEffects::Only(vec![])));
+        assert_eq!(
+            WantedEffects::parse("none").ok(),
+            Some(WantedEffects::Only(vec![]))
+        );
         assert!(WantedEffects::parse("area-lights").is_ok_and(|wanted| wanted.area_lights()));
         for wrong in ["area-light", "voxel-gi", "", "auto,none"] {
-            assert_eq!(WantedEffects::parse(wrong).map_err(|error| error.code), Err(crate::error::USAGE), "{wrong}");
+            assert_eq!(
+                WantedEffects::parse(wrong).map_err(|error| error.code),
+                Err(crate::error::USAGE),
+                "{wrong}"
+            );
         }
     }
 

@@ -1,8 +1,11 @@
 //! A validated scene → entities of a Bevy world.
 
+use crate::args::Common;
+use crate::error::CliError;
 use akari_scene::{
-    AlphaMode as SceneAlpha, AreaLightShape, Camera as SceneCamera, ColorSpace, Filter, Image as SceneImage, Material,
-    Pixels, Primitive, Projection as SceneProjection, PunctualKind, Scene, Texture, Wrap,
+    AlphaMode as SceneAlpha, AreaLightShape, Camera as SceneCamera, ColorSpace, Filter,
+    Image as SceneImage, Material, Pixels, Primitive, Projection as SceneProjection, PunctualKind,
+    Scene, Texture, Wrap,
 };
 use bevy::asset::RenderAssetUsages;
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
@@ -11,8 +14,6 @@ use bevy::math::{Affine2, DAffine3, DVec3};
 use bevy::mesh::{Indices, PrimitiveTopology, UvChannel};
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, Face, TextureDimension, TextureFormat};
-use crate::args::Common;
-use crate::error::CliError;
 use bevy_akari::area_light::light::signed_area;
 use bevy_akari::headless::Headless;
 use bevy_akari::prelude::*;
@@ -39,7 +40,9 @@ pub fn spawn_scene(world: &mut World, scene: &Scene, scale: f32) -> Vec<String> 
 pub fn camera_components(camera: &SceneCamera) -> (Projection, Transform) {
     let transform = rigid_transform(&camera.world_from_local);
     let projection = match camera.projection {
-        SceneProjection::Perspective { yfov, znear, zfar, .. } => Projection::Perspective(PerspectiveProjection {
+        SceneProjection::Perspective {
+            yfov, znear, zfar, ..
+        } => Projection::Perspective(PerspectiveProjection {
             fov: yfov,
             near: znear,
             // Bevy's perspective has no far plane; the value bounds frustum culling only.
@@ -47,7 +50,9 @@ pub fn camera_components(camera: &SceneCamera) -> (Projection, Transform) {
             near_clip_plane: Vec4::new(0.0, 0.0, -1.0, -znear),
             ..default()
         }),
-        SceneProjection::Orthographic { ymag, znear, zfar, .. } => Projection::Orthographic(OrthographicProjection {
+        SceneProjection::Orthographic {
+            ymag, znear, zfar, ..
+        } => Projection::Orthographic(OrthographicProjection {
             near: znear,
             far: zfar,
             scaling_mode: bevy::camera::ScalingMode::FixedVertical {
@@ -72,7 +77,10 @@ fn rigid_transform(affine: &DAffine3) -> Transform {
 ///
 /// # Errors
 /// If the GPU refused a command.
-pub fn replace_by_bevy_rect_lights(headless: &mut Headless, common: &Common) -> Result<(), CliError> {
+pub fn replace_by_bevy_rect_lights(
+    headless: &mut Headless,
+    common: &Common,
+) -> Result<(), CliError> {
     // The lights are made in the first frame that sees their meshes.
     headless.step()?;
     let world = headless.app.world_mut();
@@ -82,10 +90,21 @@ pub fn replace_by_bevy_rect_lights(headless: &mut Headless, common: &Common) -> 
         .map(|(entity, light, transform, textured)| (entity, light.clone(), *transform, textured))
         .collect();
     for (entity, light, mut transform, textured) in lights {
-        let low = light.vertices.iter().copied().fold(Vec2::INFINITY, Vec2::min);
-        let high = light.vertices.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
+        let low = light
+            .vertices
+            .iter()
+            .copied()
+            .fold(Vec2::INFINITY, Vec2::min);
+        let high = light
+            .vertices
+            .iter()
+            .copied()
+            .fold(Vec2::NEG_INFINITY, Vec2::max);
         if textured || light.vertices.len() != 4 || light.two_sided {
-            crate::console::warn(common, "Bevy's rectangle cannot show a light's shape, image or back");
+            crate::console::warn(
+                common,
+                "Bevy's rectangle cannot show a light's shape, image or back",
+            );
         }
         transform.translation += transform.rotation * ((low + high) * 0.5).extend(0.0);
         let area = signed_area(&light.vertices).abs();
@@ -137,7 +156,9 @@ impl Spawner<'_> {
                 let uv_sources = self.uv_sources(&scene.materials[primitive.material]);
                 let material = materials
                     .entry(primitive.material)
-                    .or_insert_with(|| self.material(&scene.materials[primitive.material], &uv_sources))
+                    .or_insert_with(|| {
+                        self.material(&scene.materials[primitive.material], &uv_sources)
+                    })
                     .clone();
                 let (mesh, transform) = match placed {
                     Some(transform) => {
@@ -149,8 +170,11 @@ impl Spawner<'_> {
                     }
                     // A mirrored or sheared placement is no `Transform`: it goes into the vertices.
                     None => {
-                        let mesh = build_mesh(primitive, &uv_sources, Some(&instance.world_from_local));
-                        let origin = Transform::from_translation(instance.world_from_local.translation.as_vec3());
+                        let mesh =
+                            build_mesh(primitive, &uv_sources, Some(&instance.world_from_local));
+                        let origin = Transform::from_translation(
+                            instance.world_from_local.translation.as_vec3(),
+                        );
                         (self.world.resource_mut::<Assets<Mesh>>().add(mesh), origin)
                     }
                 };
@@ -183,14 +207,21 @@ impl Spawner<'_> {
         sources
     }
 
-    fn material(&mut self, material: &Material, uv_sources: &[UvSource]) -> Handle<StandardMaterial> {
+    fn material(
+        &mut self,
+        material: &Material,
+        uv_sources: &[UvSource],
+    ) -> Handle<StandardMaterial> {
         let channel = |texture: &Option<Texture>| match texture {
             Some(texture) if uv_sources.get(1) == Some(&uv_source(texture)) => UvChannel::Uv1,
             _ => UvChannel::Uv0,
         };
         let ior_reflectance = ((material.ior - 1.0) / (material.ior + 1.0)).powi(2);
         // Bevy keeps F0 as 0.16 · reflectance², and multiplies the tint before it squares.
-        let reflectance = (ior_reflectance * material.specular / 0.16).max(0.0).sqrt().min(1.0);
+        let reflectance = (ior_reflectance * material.specular / 0.16)
+            .max(0.0)
+            .sqrt()
+            .min(1.0);
         let tint = material.specular_color.max(Vec3::ZERO).map(f32::sqrt);
         let emission = material.emission * self.scale;
         let standard = StandardMaterial {
@@ -223,14 +254,22 @@ impl Spawner<'_> {
             cull_mode: (!material.double_sided).then_some(Face::Back),
             ..default()
         };
-        self.world.resource_mut::<Assets<StandardMaterial>>().add(standard)
+        self.world
+            .resource_mut::<Assets<StandardMaterial>>()
+            .add(standard)
     }
 
     fn image(&mut self, texture: &Option<Texture>, normal_scale: f32) -> Option<Handle<Image>> {
         let texture = texture.as_ref()?;
-        let sampler_key = (texture.wrap_u as u8) | (texture.wrap_v as u8) << 2 | (texture.filter as u8) << 4;
+        let sampler_key =
+            (texture.wrap_u as u8) | (texture.wrap_v as u8) << 2 | (texture.filter as u8) << 4;
         let srgb = texture.color_space == ColorSpace::Srgb;
-        let key = (texture.image, srgb, sampler_key, (normal_scale * 1000.0) as i32);
+        let key = (
+            texture.image,
+            srgb,
+            sampler_key,
+            (normal_scale * 1000.0) as i32,
+        );
         if let Some(handle) = self.images.get(&key) {
             return Some(handle.clone());
         }
@@ -362,7 +401,9 @@ fn decompose(affine: &DAffine3) -> Option<Transform> {
     }
     let (scale, rotation, translation) = affine.to_scale_rotation_translation();
     let rebuilt = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
-    let size = affine.matrix3.x_axis.length() + affine.matrix3.y_axis.length() + affine.matrix3.z_axis.length();
+    let size = affine.matrix3.x_axis.length()
+        + affine.matrix3.y_axis.length()
+        + affine.matrix3.z_axis.length();
     // What f32 resolves of it.
     const TOLERANCE: f64 = 1e-6;
     rebuilt
@@ -377,7 +418,10 @@ fn decompose(affine: &DAffine3) -> Option<Transform> {
 
 /// Bevy's mesh of a primitive. With `bake`, its placement but for the translation goes into the vertices.
 fn build_mesh(primitive: &Primitive, uv_sources: &[UvSource], bake: Option<&DAffine3>) -> Mesh {
-    let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
+    let mut mesh = Mesh::new(
+        PrimitiveTopology::TriangleList,
+        RenderAssetUsages::default(),
+    );
     let mut indices = primitive.indices.clone();
     let (mut positions, mut normals) = (primitive.positions.clone(), primitive.normals.clone());
     let mut tangents = primitive.tangents.clone();
@@ -389,10 +433,15 @@ fn build_mesh(primitive: &Primitive, uv_sources: &[UvSource], bake: Option<&DAff
             *position = (matrix * position.as_dvec3()).as_vec3();
         }
         for normal in &mut normals {
-            *normal = (normal_matrix * normal.as_dvec3()).try_normalize().unwrap_or(DVec3::Y).as_vec3();
+            *normal = (normal_matrix * normal.as_dvec3())
+                .try_normalize()
+                .unwrap_or(DVec3::Y)
+                .as_vec3();
         }
         for tangent in &mut tangents {
-            let direction = (matrix * tangent.truncate().as_dvec3()).try_normalize().unwrap_or(DVec3::X);
+            let direction = (matrix * tangent.truncate().as_dvec3())
+                .try_normalize()
+                .unwrap_or(DVec3::X);
             let handedness = if mirrored { -tangent.w } else { tangent.w };
             *tangent = direction.as_vec3().extend(handedness);
         }
@@ -408,11 +457,24 @@ fn build_mesh(primitive: &Primitive, uv_sources: &[UvSource], bake: Option<&DAff
         tex_coord: 0,
         transform: Affine2::IDENTITY,
     }];
-    let sources = if uv_sources.is_empty() { &no_source[..] } else { uv_sources };
-    for (channel, source) in [Mesh::ATTRIBUTE_UV_0, Mesh::ATTRIBUTE_UV_1].into_iter().zip(sources) {
-        let coordinates = primitive.uvs.get(source.tex_coord).map_or(&[][..], Vec::as_slice);
+    let sources = if uv_sources.is_empty() {
+        &no_source[..]
+    } else {
+        uv_sources
+    };
+    for (channel, source) in [Mesh::ATTRIBUTE_UV_0, Mesh::ATTRIBUTE_UV_1]
+        .into_iter()
+        .zip(sources)
+    {
+        let coordinates = primitive
+            .uvs
+            .get(source.tex_coord)
+            .map_or(&[][..], Vec::as_slice);
         if !coordinates.is_empty() {
-            let transformed: Vec<Vec2> = coordinates.iter().map(|uv| source.transform.transform_point2(*uv)).collect();
+            let transformed: Vec<Vec2> = coordinates
+                .iter()
+                .map(|uv| source.transform.transform_point2(*uv))
+                .collect();
             mesh.insert_attribute(channel, transformed);
         }
     }
@@ -430,7 +492,11 @@ fn build_mesh(primitive: &Primitive, uv_sources: &[UvSource], bake: Option<&DAff
 fn build_image(image: &SceneImage, texture: &Texture, normal_scale: f32) -> Image {
     let mut bytes: Vec<u8> = match &image.pixels {
         Pixels::U8(texels) => texels.iter().flatten().copied().collect(),
-        Pixels::U16(texels) => texels.iter().flatten().map(|value| (value >> 8) as u8).collect(),
+        Pixels::U16(texels) => texels
+            .iter()
+            .flatten()
+            .map(|value| (value >> 8) as u8)
+            .collect(),
     };
     if normal_scale != 1.0 {
         for texel in bytes.chunks_exact_mut(4) {

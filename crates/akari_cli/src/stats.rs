@@ -84,7 +84,11 @@ impl Stats {
     ) -> Self {
         let mut passes: BTreeMap<String, Pass> = BTreeMap::new();
         for (name, values) in &times.gpu_ms {
-            let executions = if name.starts_with("akari_") { 0 } else { values.len() as u64 };
+            let executions = if name.starts_with("akari_") {
+                0
+            } else {
+                values.len() as u64
+            };
             let gpu_ms = Milliseconds::of(values);
             passes.insert(name.clone(), Pass { executions, gpu_ms });
         }
@@ -116,7 +120,8 @@ impl Stats {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), CliError> {
-        let mut text = serde_json::to_string_pretty(self).map_err(|error| CliError::other(error.to_string()))?;
+        let mut text = serde_json::to_string_pretty(self)
+            .map_err(|error| CliError::other(error.to_string()))?;
         text.push('\n');
         let _writing = crate::progress::writing();
         akari_scene::write_atomic(path, text.as_bytes())?;
@@ -127,7 +132,9 @@ impl Stats {
 /// Largest resident memory of this process, where the system tells.
 fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kibibytes * 1024)
 }
@@ -140,6 +147,12 @@ mod tests {
     fn medians_and_minima() {
         assert_eq!(Milliseconds::of(&[]), None);
         let three = Milliseconds::of(&[5.0, 1.0, 2.0]);
-        assert_eq!(three, Some(Milliseconds { median: 2.0, min: 1.0 }));
+        assert_eq!(
+            three,
+            Some(Milliseconds {
+                median: 2.0,
+                min: 1.0
+            })
+        );
     }
 }

@@ -206,10 +206,7 @@ fn render_here(
     let tiles: Option<Vec<Tile>> = (0..columns * rows)
         .into_par_iter()
         .map(|i| {
-            if progress.cancelled() {
-                return None;
-            }
-            let tile = job.tile(TILE * (i % columns), TILE * (i / columns));
+            let tile = job.tile(TILE * (i % columns), TILE * (i / columns), progress)?;
             let count = tile.pixels.len() as u64;
             let before = done.fetch_add(count, Ordering::Relaxed);
             progress.update(before + count, total);
@@ -308,7 +305,8 @@ fn noise(options: &Options, tiles: &[Tile]) -> Option<Noise> {
 }
 
 impl Job<'_> {
-    fn tile(&self, x: u32, y: u32) -> Tile {
+    /// None if the render was cancelled meanwhile.
+    fn tile(&self, x: u32, y: u32, progress: &dyn Progress) -> Option<Tile> {
         let width = TILE.min(self.options.width - x);
         let height = TILE.min(self.options.height - y);
         let mut tile = Tile {
@@ -322,6 +320,10 @@ impl Job<'_> {
         };
         for j in y..y + height {
             for i in x..x + width {
+                // Asked for each pixel, since a tile with very many samples takes minutes.
+                if progress.cancelled() {
+                    return None;
+                }
                 let pixel = self.pixel(i, j, &mut tile.rays, &mut tile.non_finite);
                 tile.pixels.push(pixel);
                 if self.options.aovs {
@@ -329,7 +331,7 @@ impl Job<'_> {
                 }
             }
         }
-        tile
+        Some(tile)
     }
 
     fn pixel(&self, x: u32, y: u32, rays: &mut u64, non_finite: &mut u64) -> Pixel {

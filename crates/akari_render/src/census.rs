@@ -25,7 +25,11 @@ impl Census {
 
     /// All counts, sorted by name.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, u32)> {
-        let mut counts: Vec<_> = self.counts.iter().map(|(name, count)| (*name, *count)).collect();
+        let mut counts: Vec<_> = self
+            .counts
+            .iter()
+            .map(|(name, count)| (*name, *count))
+            .collect();
         counts.sort_unstable();
         counts.into_iter()
     }

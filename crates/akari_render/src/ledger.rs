@@ -22,7 +22,9 @@ struct Entries {
 impl GpuLedger {
     /// A poisoned lock only means that another system panicked while it added a number: the numbers stay usable.
     fn entries(&self) -> MutexGuard<'_, Entries> {
-        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        self.0
+            .lock()
+            .unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     /// Counts one execution of the pass `label`.
@@ -47,7 +49,9 @@ impl GpuLedger {
 
     /// Records that `effect` holds nothing any more.
     pub fn free(&self, effect: &'static str) {
-        self.entries().bytes.retain(|(owner, _), _| *owner != effect);
+        self.entries()
+            .bytes
+            .retain(|(owner, _), _| *owner != effect);
     }
 
     /// GPU bytes held by each effect; an effect that holds none is absent.

@@ -3,6 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`camera`] | [`AkariCamera`](camera::AkariCamera): the component that asks for the effects on one camera |
+//! | [`capture`] | [`CaptureBuffers`](capture::CaptureBuffers): the signals between scene and picture, read back |
 //! | [`census`] | [`Census`](census::Census): what is in the scene, counted from changed components only |
 //! | [`demand`] | [`Demand`](demand::Demand), [`EffectReport`](demand::EffectReport): which effects run, and why |
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
@@ -15,6 +16,7 @@ use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 
 pub mod camera;
+pub mod capture;
 pub mod census;
 pub mod demand;
 pub mod ledger;
@@ -61,6 +63,7 @@ impl Plugin for AkariRenderPlugin {
         let ledger = ledger::GpuLedger::default();
         app.insert_resource(ledger.clone());
         shaders::register_math_shaders(app);
+        capture::build(app);
         if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
             render_app.insert_resource(ledger);
         }

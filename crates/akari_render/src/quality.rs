@@ -67,13 +67,21 @@ impl fmt::Display for KnobError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unknown { name, known } => {
-                write!(f, "there is no setting '{name}'; known are: {}", known.join(", "))
+                write!(
+                    f,
+                    "there is no setting '{name}'; known are: {}",
+                    known.join(", ")
+                )
             }
             Self::Invalid { knob, value } => write!(
                 f,
                 "{} = {value} is not valid: it takes {} from {} to {} ({})",
                 knob.name,
-                if knob.integer { "whole numbers" } else { "numbers" },
+                if knob.integer {
+                    "whole numbers"
+                } else {
+                    "numbers"
+                },
                 knob.min,
                 knob.max,
                 knob.what

@@ -18,7 +18,9 @@ pub fn register_math_shaders(app: &mut App) {
     };
     let handles = akari_math::WGSL_MODULES
         .iter()
-        .map(|(import_path, source)| shaders.add(Shader::from_wgsl(*source, format!("{import_path}.wgsl"))))
+        .map(|(import_path, source)| {
+            shaders.add(Shader::from_wgsl(*source, format!("{import_path}.wgsl")))
+        })
         .collect();
     app.insert_resource(MathShaders { handles });
 }

@@ -1,6 +1,6 @@
-#define_import_path akari_area_light::gbuffer
+#define_import_path akari_render::gbuffer
 
-// Bevy's deferred G-buffer, unpacked as far as area lights need it. The only place that knows its layout.
+// Bevy's deferred G-buffer, unpacked as far as the passes need it. The only place that knows its layout.
 
 #import bevy_render::view::View
 #import bevy_pbr::pbr_deferred_types::{unpack_24bit_normal, unpack_unorm4x8_, unpack_flags}

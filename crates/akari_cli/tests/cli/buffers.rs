@@ -1,0 +1,130 @@
+//! `render --buffers` against `reference --aov`: two programs' view of the same pixels.
+
+use crate::run::{Place, asset, has_adapter};
+use akari_scene::exr_io::{RgbImage, read_rgb};
+
+const SIZE: &str = "96x54";
+/// Share of pixels at silhouettes, where a rasteriser's snapped vertices and a ray may see different surfaces.
+const SILHOUETTES: f64 = 0.03;
+
+/// Share of the pixels of which `wrong` is true.
+fn share(count: usize, wrong: impl Fn(usize) -> bool) -> f64 {
+    (0..count).filter(|pixel| wrong(*pixel)).count() as f64 / count as f64
+}
+
+/// Largest difference of the three channels.
+fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn buffers_agree_with_the_reference() {
+    if !has_adapter() {
+        return;
+    }
+    let place = Place::new();
+    let scene = asset("spheres_quad.glb");
+    place
+        .akari(&[
+            "render",
+            &scene,
+            "--size",
+            SIZE,
+            "--out",
+            "c.exr",
+            "--buffers",
+            "deep/ours",
+            "--quiet",
+        ])
+        .ok();
+    place
+        .akari(&[
+            "reference",
+            &scene,
+            "--size",
+            SIZE,
+            "--out",
+            "e.exr",
+            "--aov",
+            "aov",
+            "--spp",
+            "1",
+            "--max-depth",
+            "1",
+            "--pixel-centers",
+            "--quiet",
+        ])
+        .ok();
+    let read = |name: &str| -> RgbImage { read_rgb(&place.file(name)).expect(name) };
+    let ours = |name: &str| read(&format!("deep/ours/{name}.exr"));
+    let theirs = |name: &str| read(&format!("aov/{name}.exr"));
+    let pixels = ours("depth").data.len();
+
+    let (depth, true_depth) = (ours("depth").data, theirs("depth").data);
+    assert!(
+        share(pixels, |i| depth[i][0] > 0.0) > 0.3,
+        "most of the picture shows a surface"
+    );
+    // Vertices are snapped to 1/256 of a pixel; on a floor that is seen at a grazing angle that moves the depth.
+    const DEPTH: f32 = 2e-3;
+    let wrong_depth = |i: usize| (depth[i][0] - true_depth[i][0]).abs() > DEPTH * true_depth[i][0];
+    let off = share(pixels, wrong_depth);
+    assert!(off < SILHOUETTES, "depth differs in {off} of the pixels");
+    let surface = |i: usize| depth[i][0] > 0.0 && !wrong_depth(i);
+
+    // Two 12-bit octahedral coordinates, and an 8-bit mesh normal interpolated in another order.
+    const NORMAL: f32 = 2e-3;
+    let (normal, true_normal) = (ours("normal").data, theirs("normal").data);
+    let off = share(pixels, |i| {
+        surface(i) && distance(normal[i], true_normal[i]) > NORMAL
+    });
+    assert!(off < SILHOUETTES, "normals differ in {off} of the pixels");
+    let turned = share(pixels, |i| {
+        surface(i) && distance(normal[i], true_normal[i].map(|axis| -axis)) > NORMAL
+    });
+    assert!(turned > 0.3, "turned normals must be noticed: {turned}");
+
+    // Half a step of 8 bits, and of 8 bits of the 2.2th root: d(x^2.2)/dx at 1 is 2.2.
+    const STEP: f32 = 0.51 / 255.0;
+    let (roughness, true_roughness) = (ours("roughness").data, theirs("roughness").data);
+    let off = share(pixels, |i| {
+        surface(i) && distance(roughness[i], true_roughness[i]) > STEP
+    });
+    assert!(
+        off < SILHOUETTES,
+        "roughness differs in {off} of the pixels"
+    );
+    let (albedo, true_albedo) = (ours("albedo").data, theirs("albedo").data);
+    let off = share(pixels, |i| {
+        surface(i) && distance(albedo[i], true_albedo[i]) > 2.2 * STEP
+    });
+    assert!(
+        off < SILHOUETTES,
+        "base colours differ in {off} of the pixels"
+    );
+
+    // Where nothing emits, the picture is the light of the area lights, rounded to Bevy's 16-bit float target.
+    let (color, emission, direct) = (ours("color").data, read("e.exr").data, ours("direct").data);
+    assert_eq!(color, read("c.exr").data);
+    let brightest = |pixel: [f32; 3]| pixel.into_iter().fold(0.0, f32::max);
+    let half = |i: usize| 1e-3 * brightest(direct[i]) + 1e-6;
+    let dark = |i: usize| emission[i] == [0.0; 3];
+    assert!(
+        share(pixels, |i| brightest(direct[i]) > 0.01) > 0.3,
+        "the light reaches the scene"
+    );
+    let off = share(pixels, |i| {
+        dark(i) && distance(color[i], direct[i]) > half(i)
+    });
+    assert!(
+        off < SILHOUETTES,
+        "direct light differs from the picture in {off} of the pixels"
+    );
+    let twice = share(pixels, |i| {
+        dark(i) && distance(color[i], direct[i].map(|channel| 2.0 * channel)) > half(i)
+    });
+    assert!(twice > 0.3, "light counted twice must be noticed: {twice}");
+}

@@ -1,0 +1,10 @@
+//! The command line as a user and as somebody with bad files meets it: exit codes, messages, what is left on disk.
+
+mod bad_scenes;
+mod buffers;
+mod compare;
+mod gltf;
+mod interrupt;
+mod outputs;
+mod run;
+mod usage;

@@ -13,7 +13,9 @@ use bevy::world_serialization::WorldInstanceReady;
 use bevy_akari::headless::unit_exposure;
 use bevy_akari::prelude::*;
 use bevy_akari_examples::orbit::{Orbit, turn_orbits};
-use bevy_akari_examples::{Picture, asset_folder, draw, exit_code, register_scene_types, start_headless};
+use bevy_akari_examples::{
+    Picture, asset_folder, draw, exit_code, register_scene_types, start_headless,
+};
 use clap::Parser;
 use std::collections::HashMap;
 use std::error::Error;
@@ -51,10 +53,15 @@ fn add_gallery(app: &mut App, file: String) {
     app.insert_resource(GlobalAmbientLight::NONE)
         .insert_resource(ClearColor(Color::BLACK))
         .init_resource::<Controls>()
-        .add_systems(Startup, move |mut commands: Commands, assets: Res<AssetServer>| {
-            let scene = GltfAssetLabel::Scene(0).from_asset(file.clone());
-            commands.spawn(WorldAssetRoot(assets.load(scene))).observe(take_over_scene);
-        });
+        .add_systems(
+            Startup,
+            move |mut commands: Commands, assets: Res<AssetServer>| {
+                let scene = GltfAssetLabel::Scene(0).from_asset(file.clone());
+                commands
+                    .spawn(WorldAssetRoot(assets.load(scene)))
+                    .observe(take_over_scene);
+            },
+        );
 }
 
 /// The scene has arrived: its camera becomes one that `bevy_akari` lights.
@@ -98,7 +105,8 @@ fn take_over_scene(
 
 fn draw_picture(picture: &Picture) -> Result<(), Box<dyn Error>> {
     let path = asset_folder()?.join(SCENE);
-    let bytes = std::fs::read(&path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+    let bytes = std::fs::read(&path)
+        .map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
     let mut headless = start_headless()?;
     // The headless app looks for assets where Bevy does by default, which depends on how it was started.
     let embedded = headless.app.world().resource::<EmbeddedAssetRegistry>();
@@ -107,7 +115,11 @@ fn draw_picture(picture: &Picture) -> Result<(), Box<dyn Error>> {
     let camera = loop {
         headless.step()?;
         let world = headless.app.world_mut();
-        if let Some(camera) = world.query_filtered::<Entity, With<Orbit>>().iter(world).next() {
+        if let Some(camera) = world
+            .query_filtered::<Entity, With<Orbit>>()
+            .iter(world)
+            .next()
+        {
             break camera;
         }
         let scene = world.query::<&WorldAssetRoot>().single(world)?.0.id();
@@ -259,7 +271,11 @@ struct Swaying {
     phase: f32,
 }
 
-fn sway(time: Res<Time>, controls: Res<Controls>, mut lights: Query<(&mut Swaying, &mut Transform)>) {
+fn sway(
+    time: Res<Time>,
+    controls: Res<Controls>,
+    mut lights: Query<(&mut Swaying, &mut Transform)>,
+) {
     const AMPLITUDE_METRES: f32 = 0.6;
     const PERIOD_SECONDS: f32 = 12.0;
     if !controls.motion {

@@ -57,7 +57,10 @@ fn parse_size(text: &str) -> Result<UVec2, String> {
 pub fn asset_folder() -> Result<PathBuf, String> {
     let mut roots: Vec<PathBuf> = Vec::new();
     let package = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from);
-    for folder in package.into_iter().chain([env!("CARGO_MANIFEST_DIR").into()]) {
+    for folder in package
+        .into_iter()
+        .chain([env!("CARGO_MANIFEST_DIR").into()])
+    {
         roots.extend(folder.parent().map(Path::to_owned));
     }
     roots.extend(std::env::current_dir());
@@ -65,10 +68,20 @@ pub fn asset_folder() -> Result<PathBuf, String> {
         roots.extend(program.ancestors().skip(1).map(Path::to_owned));
     }
     let places: Vec<PathBuf> = roots.iter().map(|root| root.join("assets")).collect();
-    places.iter().find(|place| place.is_dir()).cloned().ok_or_else(|| {
-        let places: Vec<String> = places.iter().map(|place| place.display().to_string()).collect();
-        format!("there is no assets folder; looked for {}", places.join(", "))
-    })
+    places
+        .iter()
+        .find(|place| place.is_dir())
+        .cloned()
+        .ok_or_else(|| {
+            let places: Vec<String> = places
+                .iter()
+                .map(|place| place.display().to_string())
+                .collect();
+            format!(
+                "there is no assets folder; looked for {}",
+                places.join(", ")
+            )
+        })
 }
 
 /// Registers the components of a loaded glTF scene, which Bevy spawns by reflection.
@@ -126,7 +139,10 @@ pub fn draw(
     out: &Path,
 ) -> Result<(), Box<dyn Error>> {
     let world = headless.app.world_mut();
-    let limit = world.resource::<RenderDevice>().limits().max_texture_dimension_2d;
+    let limit = world
+        .resource::<RenderDevice>()
+        .limits()
+        .max_texture_dimension_2d;
     if size.max_element() > limit {
         return Err(Box::new(HeadlessError::Size {
             width: size.x,
@@ -145,9 +161,15 @@ pub fn draw(
     headless.step_until_ready()?;
     let read = headless.read(camera)?;
     // The tonemapper leaves linear values from 0 to 1.
-    let byte = |linear: f32| (Srgba::gamma_function_inverse(linear.clamp(0.0, 1.0)) * 255.0).round() as u8;
-    let bytes = read.data.iter().flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), u8::MAX]).collect();
-    let mut picture = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
+    let byte =
+        |linear: f32| (Srgba::gamma_function_inverse(linear.clamp(0.0, 1.0)) * 255.0).round() as u8;
+    let bytes = read
+        .data
+        .iter()
+        .flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), u8::MAX])
+        .collect();
+    let mut picture =
+        Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
     picture.data = Some(bytes);
     picture
         .try_into_dynamic()?
@@ -170,8 +192,16 @@ pub fn draw_startup<Marker>(
     let mut headless = start_headless()?;
     let world = headless.app.world_mut();
     world.run_system_cached(setup)?;
-    let camera = world.query_filtered::<Entity, With<Camera3d>>().iter(world).next();
-    draw(&mut headless, camera.ok_or("it spawns no camera")?, size, out)
+    let camera = world
+        .query_filtered::<Entity, With<Camera3d>>()
+        .iter(world)
+        .next();
+    draw(
+        &mut headless,
+        camera.ok_or("it spawns no camera")?,
+        size,
+        out,
+    )
 }
 
 /// The exit code of a result, with the codes of the `akari` command: 4 without GPU adapter, 1 for anything else. Prints
@@ -183,7 +213,9 @@ pub fn exit_code(result: Result<(), Box<dyn Error>>) -> ExitCode {
     };
     eprintln!("error: {error}");
     match error.downcast_ref() {
-        Some(HeadlessError::NoAdapter | HeadlessError::NoSuchAdapter { .. }) => ExitCode::from(NO_ADAPTER),
+        Some(HeadlessError::NoAdapter | HeadlessError::NoSuchAdapter { .. }) => {
+            ExitCode::from(NO_ADAPTER)
+        }
         _ => ExitCode::FAILURE,
     }
 }
@@ -195,7 +227,10 @@ mod tests {
     /// Code without what formatting may change: whitespace, and commas before a closing bracket.
     fn unformatted(code: &str) -> String {
         let dense: String = code.split_whitespace().collect();
-        dense.replace(",)", ")").replace(",]", "]").replace(",}", "}")
+        dense
+            .replace(",)", ")")
+            .replace(",]", "]")
+            .replace(",}", "}")
     }
 
     /// The lines of an example that the README shows: those between its comments `README: from here` and
@@ -222,11 +257,22 @@ mod tests {
     #[test]
     fn the_readme_shows_the_minimal_example() {
         let example = shown_lines(include_str!("../examples/minimal.rs"));
-        let readme = readme_code(include_str!("../../README.md")).expect("the README has a program");
-        assert!(example.contains("fn main"), "the marks are gone from minimal.rs");
-        assert_eq!(unformatted(&example), unformatted(readme), "README.md and minimal.rs differ");
+        let readme =
+            readme_code(include_str!("../../README.md")).expect("the README has a program");
+        assert!(
+            example.contains("fn main"),
+            "the marks are gone from minimal.rs"
+        );
+        assert_eq!(
+            unformatted(&example),
+            unformatted(readme),
+            "README.md and minimal.rs differ"
+        );
         // The comparison is about code, not only about its brackets.
-        assert_ne!(unformatted(&example), unformatted(&readme.replace("AkariCamera", "")));
+        assert_ne!(
+            unformatted(&example),
+            unformatted(&readme.replace("AkariCamera", ""))
+        );
     }
 
     #[test]
@@ -238,7 +284,17 @@ mod tests {
     #[test]
     fn arguments_are_checked() {
         assert_eq!(parse_size(DEFAULT_SIZE), Ok(UVec2::new(1280, 720)));
-        for bad in ["", "x", "0x5", "5x0", "5x", "-1x5", "1.5x2", "5x5x5", "99999999999x1"] {
+        for bad in [
+            "",
+            "x",
+            "0x5",
+            "5x0",
+            "5x",
+            "-1x5",
+            "1.5x2",
+            "5x5x5",
+            "99999999999x1",
+        ] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
         assert_eq!(png_path("a/b.PNG"), Ok(PathBuf::from("a/b.PNG")));

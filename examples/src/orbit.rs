@@ -65,7 +65,9 @@ pub fn turn_orbits(
     time: Res<Time>,
     mut orbits: Query<(&mut Orbit, &mut Transform)>,
 ) {
-    let held = |less, more| f32::from(u8::from(keys.pressed(more))) - f32::from(u8::from(keys.pressed(less)));
+    let held = |less, more| {
+        f32::from(u8::from(keys.pressed(more))) - f32::from(u8::from(keys.pressed(less)))
+    };
     let arrows = Vec2::new(
         held(KeyCode::ArrowLeft, KeyCode::ArrowRight),
         held(KeyCode::ArrowDown, KeyCode::ArrowUp),
@@ -103,21 +105,32 @@ mod tests {
             let orbit = Orbit::from_view(&camera);
             let view = orbit.view();
             assert!(view.translation.abs_diff_eq(eye, 1e-5), "{view:?}");
-            assert!(view.forward().abs_diff_eq(*camera.forward(), 1e-5), "{view:?}");
+            assert!(
+                view.forward().abs_diff_eq(*camera.forward(), 1e-5),
+                "{view:?}"
+            );
             assert!(view.up().abs_diff_eq(*camera.up(), 1e-5), "{view:?}");
         }
     }
 
     #[test]
     fn a_turned_camera_still_looks_at_the_focus() {
-        let mut orbit = Orbit::from_view(&Transform::from_xyz(0.0, 2.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y));
+        let mut orbit =
+            Orbit::from_view(&Transform::from_xyz(0.0, 2.0, 6.0).looking_at(Vec3::ZERO, Vec3::Y));
         let focus = orbit.focus;
-        for turn in [Vec2::new(1.0, 0.2), Vec2::new(-7.0, 9.0), Vec2::new(0.3, -9.0)] {
+        for turn in [
+            Vec2::new(1.0, 0.2),
+            Vec2::new(-7.0, 9.0),
+            Vec2::new(0.3, -9.0),
+        ] {
             orbit.change(turn, 0.5);
             let view = orbit.view();
             let towards = (focus - view.translation).normalize();
             assert!(view.forward().abs_diff_eq(towards, 1e-5), "{orbit:?}");
-            assert!(view.up().y > 0.0 && view.translation.y >= focus.y - 1e-5, "{view:?}");
+            assert!(
+                view.up().y > 0.0 && view.translation.y >= focus.y - 1e-5,
+                "{view:?}"
+            );
         }
         orbit.change(Vec2::ZERO, f32::MAX);
         assert_eq!(orbit.distance, DISTANCE.0);

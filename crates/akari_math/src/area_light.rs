@@ -4,7 +4,9 @@
 
 use glam::Vec3;
 
+/// Reflectance at normal incidence of a dielectric whose `reflectance` is 1.
 const MAX_DIELECTRIC_F_ZERO: f32 = 0.16;
+/// Reflectance at normal incidence from which on a dielectric reflects everything at grazing incidence.
 const FULL_GRAZING_F_ZERO: f32 = 0.04;
 
 /// How a surface reflects, from its base colour, metallic and reflectance.

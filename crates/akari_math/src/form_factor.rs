@@ -14,7 +14,9 @@ use crate::special::{atan2_poly, safe_normalize};
 use glam::Vec3;
 
 const INV_TWO_PI: f32 = 0.159_154_94;
+/// Below this sine, angle / sine is 1 + sine²/6 to 2e-17.
 const SMALL_SINE: f32 = 1e-4;
+/// Floor of the sine of an edge that passes through the shading point.
 const MIN_SINE: f32 = 1e-12;
 
 /// Vertices of a polygon as seen from the shading point, summed edge by edge as they come.

@@ -11,7 +11,9 @@ const INV_PI: f32 = 0.318_309_89;
 /// Smallest alpha of the distribution and of masking: below it the peak of the distribution, `1/(π α²)`, leaves the
 /// range in which f32 products of it are finite.
 pub const MIN_ALPHA: f32 = 1e-5;
+/// Smallest cosine between view and dominant visible normal.
 const MIN_V_DOT_M: f32 = 1e-4;
+/// Sharpness added per unit of alpha, fitted so that the lobe joins the diffuse cosine lobe at α = 1.
 const SHARPNESS_PER_ALPHA: f32 = 1.8;
 
 /// Spherical Gaussian of a GGX reflection.
@@ -89,7 +91,8 @@ pub fn fresnel_schlick(f0: Vec3, f90: f32, v_dot_h: f32) -> Vec3 {
 /// `t = √(α² |v_t|² + v_n²)`, with `v_t` and `v_n` the view's parts along the surface and the normal.
 ///
 /// The mean direction of the visible normals points there (Heitz 2018, "Sampling the GGX Distribution of Visible
-/// Normals": the middle of the visible part of the stretched hemisphere). Below the surface `t + v_n` is computed without cancellation; the normal where both parts vanish.
+/// Normals": the middle of the visible part of the stretched hemisphere). Below the surface `t + v_n` is computed without
+/// cancellation; the normal where both parts vanish.
 #[must_use]
 pub fn ggx_dominant_visible_normal(normal: Vec3, view: Vec3, alpha: f32) -> Vec3 {
     let cosine = normal.dot(view);

@@ -5,6 +5,8 @@
 //! WGSL reads no bindings and no globals, so that any kernel can import it; [`WGSL_MODULES`] lists the sources in the
 //! order in which they depend on each other.
 //!
+//! [`polygon::clip_polygon`], [`outline`] and [`oracle`] run on the CPU only.
+//!
 //! Three levels of tests: the formulas in f64 ([`oracle`]) tell whether a Rust twin is accurate, and the twin tells
 //! whether the WGSL is the same formula on the device at hand. The twin table (`tests/twins`) holds the domain and the
 //! error budget of every function; each budget is shown to fail for a mutated source.

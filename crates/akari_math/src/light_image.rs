@@ -8,7 +8,7 @@
 //! the cosine's axis, at the distance `d`, the cosine's weight per area falls off with the distance `r` from the foot of
 //! the perpendicular as `(1 + (r/d)²)⁻² / (π d²)`: the kernel that the layers are filtered with (`prefilter.wgsl` of
 //! `akari_area_light`). For such planes the mean over the whole plane is this kernel's mean exactly (test
-//! `twins::light_image`).
+//! `twins::footprints`).
 //!
 //! **Place.** A plane that is seen obliquely has its weight elsewhere than about the foot: for it, and for the cells that
 //! a light is cut into, which see a part of the kernel only, the look-up goes to where the mean direction, the vector

@@ -13,11 +13,17 @@ use crate::octahedral::{octahedral_pack, octahedral_unpack};
 use glam::{UVec2, Vec3};
 
 const UNORM_MAX: f32 = 65535.0;
+/// Smallest normal f16, 2⁻¹⁴.
 const MIN_NORMAL_HALF: f32 = 0.000_061_035_156_25;
+/// Largest f16.
 const MAX_HALF: f32 = 65504.0;
+/// 1 over the smallest subnormal f16, 2²⁴.
 const HALF_SUBNORMALS_PER_UNIT: f32 = 16_777_216.0;
+/// Difference of the exponent biases of f32 and f16, 127 − 15, above ten bits of mantissa.
 const EXPONENT_OFFSET: u32 = 114_688;
+/// 2²³: an f32 of this size holds whole numbers only.
 const ROUND_TO_INTEGER: f32 = 8_388_608.0;
+/// Floor of 1 − width²: the widest lobe that comes back, of sharpness 1e-6.
 const MIN_ONE_MINUS_WIDTH_SQUARED: f32 = 1e-6;
 
 /// A lobe as it is stored.

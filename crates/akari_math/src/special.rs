@@ -9,6 +9,7 @@ use glam::Vec3;
 /// may flush to zero.
 pub const TINY: f32 = 1e-30;
 
+/// tan(π/8): where the two reductions of the arc tangent meet.
 const TAN_PI_OVER_EIGHT: f32 = 0.414_213_56;
 
 /// `E(x) = (1 − e⁻ˣ) / x`, for `x ≥ 0`; `E(0) = 1`.

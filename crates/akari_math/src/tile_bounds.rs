@@ -25,7 +25,9 @@ use glam::{Vec3, Vec4, Vec4Swizzles};
 pub const CONTRIBUTION_CUTOFF: f32 = 1.0 / 4096.0;
 
 const INV_PI: f32 = 0.318_309_89;
+/// Relative slack for the rounding of the tests.
 const SLACK: f32 = 1e-5;
+/// Smallest alpha of a lobe bound: that of [`crate::ggx::MIN_ALPHA`], so that its cube is a normal f32.
 const MIN_BOUND_ALPHA: f32 = 1e-5;
 
 /// Squared distance from a point to an axis-aligned box; 0 inside.

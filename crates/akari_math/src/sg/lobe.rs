@@ -12,6 +12,8 @@ use glam::Vec3;
 const TWO_PI: f32 = 6.283_185_3;
 const FOUR_PI: f32 = 12.566_371;
 const HALF_INV_SQRT_PI: f32 = 0.282_094_79;
+/// Sharpness from which the lobe is, to 1e-6 of its integral, a Gaussian on the tangent plane, and beyond which the
+/// squared sharpness would overflow.
 const MAX_FIT_SHARPNESS: f32 = 1e12;
 
 /// `amplitude · exp(sharpness · (axis·ω − 1))`.
@@ -135,6 +137,7 @@ pub fn sg_hemispherical_integral(sharpness: f32, cosine: f32) -> f32 {
     let s = sharpness.min(MAX_FIT_SHARPNESS);
     let steepness = s * ((0.5 * s + 0.651_732_88) / ((s + 1.341_828) * s + 7.221_668_78)).sqrt();
     let mut odd = cosine.clamp(-1.0, 1.0);
+    // Below, erf(k x) / erf(k) is x to 3e-7.
     if steepness > 1e-3 {
         odd = erf_poly(steepness * odd) / erf_poly(steepness);
     }

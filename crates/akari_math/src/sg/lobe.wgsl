@@ -86,6 +86,7 @@ fn sg_hemispherical_integral(sharpness: f32, cosine: f32) -> f32 {
     let steepness = s * sqrt((0.5 * s + 0.65173288) / ((s + 1.34182800) * s + 7.22166878));
     // erf(steepness c) / erf(steepness); both go to 0 together, as c.
     var odd = clamp(cosine, -1.0, 1.0);
+    // Below, erf(k x) / erf(k) is x to 3e-7.
     if steepness > 1e-3 {
         odd = erf_poly(steepness * odd) / erf_poly(steepness);
     }

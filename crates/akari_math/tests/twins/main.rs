@@ -1,6 +1,7 @@
 //! The twin table: every WGSL function of `akari_math` against its Rust twin, and the twin against the formula in f64.
 
 mod bounds;
+mod footprints;
 mod ggx;
 mod hard_classes;
 mod harness;

@@ -6,7 +6,7 @@
     diffuse_specular_combine, diffuse_transmission, range_falloff, specular_albedo, surface_reflectance,
 }
 #import akari_math::frame::shading_frame
-#import akari_math::ltc::lookup::{ltc_m, ltc_m_inv, ltc_uv}
+#import akari_math::ltc::lookup::{diffuse_fresnel, ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_uv}
 #import akari_math::ltc::polygon::{
     LambertPolygon, LtcPolygon, lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new,
     ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new,
@@ -50,7 +50,9 @@ struct Layer {
     m_inv: mat3x3<f32>,
     m: mat3x3<f32>,
     albedo: vec3<f32>,
-    diffuse_fresnel: f32,
+    // What the lobe's integral counts, and the tail under it: (tail_z, tail_x).
+    lobe_weight: f32,
+    tail: vec2<f32>,
 }
 
 fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> Layer {
@@ -58,10 +60,11 @@ fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90:
     let texel0 = textureSampleLevel(ltc_table, table_sampler, uv, 0, 0.0);
     let texel1 = textureSampleLevel(ltc_table, table_sampler, uv, 1, 0.0);
     var layer: Layer;
-    layer.m_inv = ltc_m_inv(texel0);
-    layer.m = ltc_m(texel0);
+    layer.m_inv = ltc_m_inv(texel0, n_dot_v);
+    layer.m = ltc_m(texel0, n_dot_v);
     layer.albedo = specular_albedo(f0, f90, texel1.x, texel1.y);
-    layer.diffuse_fresnel = texel1.z;
+    layer.lobe_weight = ltc_lobe_weight(layer.m_inv, texel1.z);
+    layer.tail = texel1.zw;
     return layer;
 }
 
@@ -145,7 +148,7 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     let reflectance = surface_reflectance(surface.base_color, surface.metallic, surface.reflectance);
     let base = layer_from_table(surface.perceptual_roughness, n_dot_v, reflectance.normal_reflectance, reflectance.grazing_reflectance);
     let diffuse_albedo = reflectance.diffuse_color
-        * diffuse_transmission(vec3(reflectance.dielectric_normal_reflectance), reflectance.dielectric_grazing_reflectance, base.diffuse_fresnel);
+        * diffuse_transmission(vec3(reflectance.dielectric_normal_reflectance), reflectance.dielectric_grazing_reflectance, diffuse_fresnel(n_dot_v));
     let glossy = reflectance.grazing_reflectance > 0.0;
 
     var coat: Layer;
@@ -153,7 +156,7 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     if surface.clearcoat > 0.0 {
         coat = layer_from_table(surface.clearcoat_perceptual_roughness, n_dot_v, vec3(CLEARCOAT_F0), 1.0);
         coat.albedo *= surface.clearcoat;
-        coat_transmission = 1.0 - surface.clearcoat * (CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * coat.diffuse_fresnel);
+        coat_transmission = 1.0 - surface.clearcoat * (CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * diffuse_fresnel(n_dot_v));
     }
 
     let tile = (vec2<u32>(in.position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
@@ -204,15 +207,19 @@ fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Lay
         a = b;
     }
     ltc_polygon_close(&polygon, layer.m_inv);
-    let diffuse = max(polygon.diffuse.z * seen.side, 0.0);
-    let specular = max(polygon.specular.z * seen.side, 0.0);
+    let form_factor = polygon.diffuse * seen.side;
+    let diffuse = max(form_factor.z, 0.0);
+    // `ltc_specular_integral`, but each part with the colour of the image where it gathers its light.
+    let lobe = layer.lobe_weight * max(polygon.specular.z * seen.side, 0.0);
+    let tail = dot(layer.tail, form_factor.zx);
     let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
     let specular_color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular);
+    let specular = max(specular_color * lobe + diffuse_color * tail, vec3(0.0));
     return diffuse_specular_combine(
         seen.radiance,
         diffuse_albedo * diffuse_color,
         diffuse,
-        layer.albedo * specular_color,
-        specular,
+        layer.albedo * specular,
+        1.0,
     );
 }

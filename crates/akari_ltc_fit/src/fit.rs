@@ -1,8 +1,8 @@
 //! The fit: one cell by Nelder-Mead, the table by sweeps that hand solutions to neighbours.
 
 use crate::brdf::Reflection;
-use crate::lobe::Lobe;
-use crate::objective::{Objective, Shape};
+use crate::lobe::{Lobe, Model};
+use crate::objective::{Objective, Shape, TailSystem};
 use crate::table::{Entry, Table};
 use crate::{MIN_ALPHA, MIN_N_DOT_V};
 use argmin::core::{CostFunction, Executor, State};
@@ -24,6 +24,8 @@ const LAST_ROW_FRACTIONS: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// A lobe of the last row that lies deeper below the surface would be the odd one among its neighbours.
 const LAST_ROW_MIN_NORM: f64 = 0.9;
+/// Cost of one that does.
+const LAST_ROW_REFUSED: f64 = 100.0;
 
 /// Perceptual roughness and n·v at table coordinates, in cells, of a table of `resolution`².
 pub fn coordinates(resolution: usize, x: f64, y: f64) -> (f64, f64) {
@@ -144,46 +146,84 @@ fn fit_row(resolution: usize, y: usize, done: &(impl Fn() + Sync)) -> Vec<(f64, 
     row
 }
 
-/// A lobe between two, as the sampler interpolates it.
-fn between(a: &Lobe, b: &Lobe, t: f64) -> Lobe {
-    let (a, b) = (a.to_array(), b.to_array());
-    Lobe::from_array(std::array::from_fn(|i| (1.0 - t) * a[i] + t * b[i]))
-}
-
 /// The lobe of the last row, given the row above it.
 ///
 /// No visible point has n·v = 0, and at 0 the matrix degenerates; so the last row is fitted to the views between it
-/// and the row above, through the sampler's interpolation.
-fn fit_last_row_cell(resolution: usize, x: usize, above: &Shape, own: &Shape) -> Shape {
+/// and the row above, through the sampler's interpolation. `above` is the row above as it is stored.
+fn fit_last_row_cell(
+    resolution: usize,
+    x: usize,
+    above: &Entry,
+    above_shape: &Shape,
+    own: &Shape,
+) -> Entry {
     let last = (resolution - 1) as f64;
-    let objectives = LAST_ROW_FRACTIONS.map(|t| {
-        (
-            t,
-            Objective::new(&reflection_at(resolution, x as f64, last - 1.0 + t)),
-        )
+    let views = LAST_ROW_FRACTIONS.map(|t| {
+        let reflection = reflection_at(resolution, x as f64, last - 1.0 + t);
+        (t, reflection.n_dot_v, Objective::new(&reflection))
     });
-    let above_lobe = above.lobe();
+    let between = |mirror: [f64; 4], t: f64, n_dot_v: f64| {
+        let mixed = std::array::from_fn(|i| (1.0 - t) * above.mirror[i] + t * mirror[i]);
+        Lobe::from_mirror_frame(mixed, n_dot_v)
+    };
+    // The tail in between is interpolated too: τ(t) = (1 − t) τ_above + t τ, so the systems of the views add up to
+    // one for τ.
+    let tail = |mirror: [f64; 4]| {
+        let mut sum = TailSystem::default();
+        for (t, n_dot_v, objective) in &views {
+            let system = objective.tail_system_of(&between(mirror, *t, *n_dot_v));
+            let [zz, zx, xx] = system.matrix;
+            let (z, x) = ((1.0 - t) * above.tail_z, (1.0 - t) * above.tail_x);
+            sum.matrix = std::array::from_fn(|i| sum.matrix[i] + t * t * system.matrix[i]);
+            sum.right[0] += t * (system.right[0] - zz * z - zx * x);
+            sum.right[1] += t * (system.right[1] - zx * z - xx * x);
+        }
+        sum.solve()
+    };
     let cost = |shape: &Shape| {
         let lobe = shape.lobe();
-        let between_cost: f64 = objectives
-            .iter()
-            .map(|(t, objective)| objective.lobe_cost(&between(&above_lobe, &lobe, *t)))
-            .sum();
+        let mirror = lobe.in_mirror_frame(0.0);
         // The cell itself has to be a lobe too, also on hardware that flushes subnormal halves.
-        let stored = Lobe::from_array(lobe.to_array().map(flushed_half));
-        let refused = if stored.determinant() > 0.0 && stored.norm() > LAST_ROW_MIN_NORM {
-            0.0
-        } else {
-            1.0
-        };
-        between_cost / LAST_ROW_FRACTIONS.len() as f64 + shape.skew_cost() + refused
+        let stored = Lobe::from_mirror_frame(mirror.map(flushed_half), 0.0);
+        if !(stored.determinant() > 0.0 && stored.norm() > LAST_ROW_MIN_NORM) {
+            return LAST_ROW_REFUSED + shape.skew_cost();
+        }
+        let [tail_z, tail_x] = tail(mirror);
+        let between_cost: f64 = views
+            .iter()
+            .map(|(t, n_dot_v, objective)| {
+                objective.model_cost(&Model {
+                    lobe: between(mirror, *t, *n_dot_v),
+                    tail_z: (1.0 - t) * above.tail_z + t * tail_z,
+                    tail_x: (1.0 - t) * above.tail_x + t * tail_x,
+                })
+            })
+            .sum();
+        between_cost / LAST_ROW_FRACTIONS.len() as f64 + shape.skew_cost()
     };
     // With the widths of the row above, the interpolated direction is right; with its own, the interpolated shape.
     let turned = Shape {
         angle: own.angle,
-        ..*above
+        ..*above_shape
     };
-    descend_best(&cost, [*own, *above, turned], 4, STEPS).1
+    let (_, shape) = descend_best(&cost, [*own, *above_shape, turned], 4, STEPS);
+    let mirror = shape.lobe().in_mirror_frame(0.0);
+    let [tail_z, tail_x] = tail(mirror);
+    // The amplitude is the least-squares fit to the same views.
+    let (mut scale, mut bias, mut squares) = (0.0, 0.0, 0.0);
+    for t in LAST_ROW_FRACTIONS {
+        let (a0, a1) = reflection_at(resolution, x as f64, last - 1.0 + t).albedo();
+        scale += t * (a0 - a1 - (1.0 - t) * above.scale);
+        bias += t * (a1 - (1.0 - t) * above.bias);
+        squares += t * t;
+    }
+    Entry {
+        mirror,
+        scale: (scale / squares).max(0.0),
+        bias: (bias / squares).max(0.0),
+        tail_z,
+        tail_x,
+    }
 }
 
 /// The nearest half, subnormals flushed to zero.
@@ -203,15 +243,11 @@ pub fn fit_cells(resolution: usize, cells: &[(usize, usize)]) -> Vec<Entry> {
         .map(|&(x, y)| {
             let shape = fit(x, y);
             if y + 1 < resolution {
-                return entry(&reflection_at(resolution, x as f64, y as f64), shape.lobe());
+                return entry(&reflection_at(resolution, x as f64, y as f64), &shape);
             }
             let above = fit(x, y - 1);
-            let above_entry = entry(
-                &reflection_at(resolution, x as f64, y as f64 - 1.0),
-                above.lobe(),
-            );
-            let lobe = fit_last_row_cell(resolution, x, &above, &shape).lobe();
-            last_row_entry(resolution, x, lobe, &above_entry)
+            let above_entry = entry(&reflection_at(resolution, x as f64, y as f64 - 1.0), &above);
+            fit_last_row_cell(resolution, x, &above_entry, &above, &shape)
         })
         .collect()
 }
@@ -258,32 +294,25 @@ pub fn fit_table(resolution: usize, progress: impl Fn(usize, usize) + Sync) -> T
             .collect();
     }
     let last = resolution - 1;
-    let last_row: Vec<Shape> = (0..resolution)
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|x| {
-            let shape = fit_last_row_cell(
-                resolution,
-                x,
-                &cells[(last - 1) * resolution + x].1,
-                &cells[last * resolution + x].1,
-            );
-            done();
-            shape
-        })
-        .collect();
-
     let mut entries: Vec<Entry> = (0..last * resolution)
         .into_par_iter()
         .map(|i| {
             let (x, y) = ((i % resolution) as f64, (i / resolution) as f64);
-            entry(&reflection_at(resolution, x, y), cells[i].1.lobe())
+            entry(&reflection_at(resolution, x, y), &cells[i].1)
         })
         .collect();
-    for (x, shape) in last_row.iter().enumerate() {
-        let above = entries[(last - 1) * resolution + x];
-        entries.push(last_row_entry(resolution, x, shape.lobe(), &above));
-    }
+    let last_row: Vec<Entry> = (0..resolution)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|x| {
+            let above = (last - 1) * resolution + x;
+            let own = &cells[last * resolution + x].1;
+            let entry = fit_last_row_cell(resolution, x, &entries[above], &cells[above].1, own);
+            done();
+            entry
+        })
+        .collect();
+    entries.extend(last_row);
     Table::from_entries(resolution, &entries)
 }
 
@@ -298,35 +327,21 @@ fn neighbours(resolution: usize, x: usize, y: usize) -> impl Iterator<Item = (us
 }
 
 /// What the table stores for a fitted lobe.
-fn entry(reflection: &Reflection, lobe: Lobe) -> Entry {
-    // The norm is that of the rounded lobe, which is the one that is rendered with.
-    let lobe = Lobe::from_array(lobe.to_array().map(|v| f16::from_f64(v).to_f64()));
+fn entry(reflection: &Reflection, shape: &Shape) -> Entry {
     let (a0, a1) = reflection.albedo();
-    let lobe_norm = lobe.norm();
+    let lobe = shape.lobe();
+    let model = Objective::new(reflection).model(&lobe);
     Entry {
-        lobe,
-        scale: (a0 - a1) / lobe_norm,
-        bias: a1 / lobe_norm,
-        diffuse_fresnel: Reflection::diffuse_fresnel(reflection.n_dot_v),
-        lobe_norm,
+        mirror: lobe.in_mirror_frame(reflection.n_dot_v),
+        scale: a0 - a1,
+        bias: a1,
+        tail_z: model.tail_z,
+        tail_x: if freedoms(reflection) == 1 {
+            0.0
+        } else {
+            model.tail_x
+        },
     }
-}
-
-/// What the last row stores: the amplitude is the least-squares fit to the views between it and the row above.
-fn last_row_entry(resolution: usize, x: usize, lobe: Lobe, above: &Entry) -> Entry {
-    let last = (resolution - 1) as f64;
-    let mut entry = entry(&reflection_at(resolution, x as f64, last), lobe);
-    let (mut scale, mut bias, mut squares) = (0.0, 0.0, 0.0);
-    for t in LAST_ROW_FRACTIONS {
-        let (a0, a1) = reflection_at(resolution, x as f64, last - 1.0 + t).albedo();
-        let norm = (1.0 - t) * above.lobe_norm + t * entry.lobe_norm;
-        scale += t * ((a0 - a1) / norm - (1.0 - t) * above.scale);
-        bias += t * (a1 / norm - (1.0 - t) * above.bias);
-        squares += t * t;
-    }
-    entry.scale = (scale / squares).max(0.0);
-    entry.bias = (bias / squares).max(0.0);
-    entry
 }
 
 #[cfg(test)]

@@ -16,10 +16,11 @@ pub mod polygon;
 pub mod quadrature;
 pub mod quality;
 pub mod report;
+pub mod spheres;
 pub mod table;
 
 pub use fit::{coordinates, fit_cells, fit_table, flushed_half, reflection_at};
-pub use lobe::Lobe;
+pub use lobe::{Lobe, Model};
 pub use quality::{Quality, quality};
 pub use report::report;
 pub use table::{Entry, Table, TableError};

@@ -39,6 +39,31 @@ impl Lobe {
         [self.m00, self.m02, self.m20, self.m22]
     }
 
+    /// The lobe whose B = M⁻¹ \[X Z\] is (\[0\]\[0\], \[0\]\[2\], \[2\]\[0\], \[2\]\[2\]) = `b`, where Z = (−s, 0, c) is the mirror direction
+    /// of a view at cosine `n_dot_v` = c, s = √(1 − c²), and X = (c, 0, s).
+    ///
+    /// [X Z] is a rotation about y, so M⁻¹ = B \[X Z\]ᵀ.
+    pub fn from_mirror_frame([b00, b02, b20, b22]: [f64; 4], n_dot_v: f64) -> Self {
+        let (c, s) = (n_dot_v, sine(n_dot_v));
+        Self {
+            m00: b00 * c - b02 * s,
+            m02: b00 * s + b02 * c,
+            m20: b20 * c - b22 * s,
+            m22: b20 * s + b22 * c,
+        }
+    }
+
+    /// The inverse of [`Lobe::from_mirror_frame`]: B = M⁻¹ \[X Z\].
+    pub fn in_mirror_frame(&self, n_dot_v: f64) -> [f64; 4] {
+        let (c, s) = (n_dot_v, sine(n_dot_v));
+        [
+            self.m00 * c + self.m02 * s,
+            self.m02 * c - self.m00 * s,
+            self.m20 * c + self.m22 * s,
+            self.m22 * c - self.m20 * s,
+        ]
+    }
+
     /// det M⁻¹; positive for every lobe that the fit returns.
     pub fn determinant(&self) -> f64 {
         self.m00 * self.m22 - self.m02 * self.m20
@@ -77,10 +102,82 @@ impl Lobe {
     }
 }
 
+fn sine(cosine: f64) -> f64 {
+    ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt()
+}
+
+/// A normalised reflection as the renderer has it: a transformed cosine over a tail that is linear in the direction.
+///
+/// q(l) = (1 − tail_z) D(l) / N + (tail_z l_z + tail_x l_x) / π on z ≥ 0. The tail is what a single lobe lacks far from
+/// the mirror direction. It costs the renderer nothing: over a polygon it integrates to the vector form factor that the
+/// diffuse part needs anyway. As ∫ l_z / π = 1 and ∫ l_x / π = 0 over the hemisphere, ∫ q = 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// D.
+    pub lobe: Lobe,
+    /// Part of the energy in the tail.
+    pub tail_z: f64,
+    /// Slope of the tail in the plane of incidence, positive towards the view.
+    pub tail_x: f64,
+}
+
+impl Model {
+    /// The lobe alone.
+    pub fn without_tail(lobe: Lobe) -> Self {
+        Self {
+            lobe,
+            tail_z: 0.0,
+            tail_x: 0.0,
+        }
+    }
+
+    /// (1 − tail_z) / N.
+    pub fn lobe_weight(&self) -> f64 {
+        (1.0 - self.tail_z) / self.lobe.norm()
+    }
+
+    /// q(l), 1/sr, for a unit `l` above the surface.
+    pub fn density(&self, l: [f64; 3]) -> f64 {
+        self.lobe_weight() * self.lobe.density(l)
+            + FRAC_1_PI * (self.tail_z * l[2] + self.tail_x * l[0])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::quadrature::{Fineness, hemisphere};
+
+    #[test]
+    fn the_mirror_frame_holds_what_the_lobe_does_to_the_mirror_direction() {
+        let lobe = Lobe::from_array([0.5, 0.4, -0.3, 0.6]);
+        let (c, s) = (0.6, 0.8);
+        let b = lobe.in_mirror_frame(c);
+        // B's columns are the images of X and Z.
+        let (x, z) = (lobe.transform([c, 0.0, s]), lobe.transform([-s, 0.0, c]));
+        for (a, b) in b.into_iter().zip([x[0], z[0], x[2], z[2]]) {
+            assert!((a - b).abs() < 1e-15, "{a} {b}");
+        }
+        let back = Lobe::from_mirror_frame(b, c).to_array();
+        for (a, b) in back.into_iter().zip(lobe.to_array()) {
+            assert!((a - b).abs() < 1e-15, "{a} {b}");
+        }
+        assert!((Lobe::from_mirror_frame(b, 0.61).m00 - lobe.m00).abs() > 1e-3);
+    }
+
+    #[test]
+    fn a_model_integrates_to_1() {
+        let model = Model {
+            lobe: Lobe::from_array([0.5, 0.4, -0.3, 0.6]),
+            tail_z: 0.2,
+            tail_x: 0.1,
+        };
+        let integral: f64 = hemisphere(0.2, 0.3, Fineness::REPORT)
+            .iter()
+            .map(|n| n.weight * model.density(n.direction))
+            .sum();
+        assert!((integral - 1.0).abs() < 1e-3, "{integral}");
+    }
 
     #[test]
     fn norm_is_the_integral_over_the_upper_hemisphere() {

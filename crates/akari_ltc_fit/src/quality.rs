@@ -2,9 +2,10 @@
 
 use crate::brdf::Reflection;
 use crate::fit::{coordinates, reflection_at};
-use crate::lobe::Lobe;
-use crate::polygon::{Rectangle, clip_to_horizon, form_factor, lobe_integral};
+use crate::lobe::Model;
+use crate::polygon::{Rectangle, clip_to_horizon, dot, form_factor, model_integral, reflected};
 use crate::quadrature::Fineness;
+use crate::spheres::{SpheresError, spheres};
 use crate::table::Table;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -70,6 +71,17 @@ pub enum Clipping {
     AfterOnly,
 }
 
+/// Where random lights are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Centred within 52° of the mirror direction.
+    NearMirror,
+    /// Centred anywhere else above the horizon: where only the lobe's tail sees them.
+    OffMirror,
+}
+
+const MIRROR_CONE_DEGREES: f64 = 52.0;
+
 /// All figures of a table.
 #[derive(Clone, Debug)]
 pub struct Quality {
@@ -79,24 +91,26 @@ pub struct Quality {
     pub cells: Vec<Point>,
     /// In the middle between cells, next to each of `cells`.
     pub midpoints: Vec<Point>,
-    /// By roughness, then by angle; with our clipping.
+    /// Lights near the mirror direction, by roughness, then by angle; with our clipping.
     pub bins: Vec<IntegralBin>,
+    /// Lights elsewhere above the horizon, likewise.
+    pub off_mirror_bins: Vec<IntegralBin>,
+    /// Spheres under lights of several shapes.
+    pub spheres: Vec<SpheresError>,
 }
 
-/// Total variation and relative L2 distance between a normalised reflection and the normalised part of a lobe above
-/// the surface.
-pub fn distance(reflection: &Reflection, lobe: &Lobe) -> (f64, f64) {
+/// Total variation and relative L2 distance between a normalised reflection and a model.
+pub fn distance(reflection: &Reflection, model: &Model) -> (f64, f64) {
     let nodes = reflection.nodes(Fineness::REPORT);
     let values: Vec<f64> = nodes
         .iter()
         .map(|n| reflection.cosine_weighted(n.direction))
         .collect();
     let total: f64 = nodes.iter().zip(&values).map(|(n, f)| n.weight * f).sum();
-    let norm = lobe.norm();
     let (mut variation, mut square, mut target) = (0.0, 0.0, 0.0);
     for (node, f) in nodes.iter().zip(values) {
         let p = f / total;
-        let difference = p - lobe.density(node.direction) / norm;
+        let difference = p - model.density(node.direction);
         variation += node.weight * difference.abs();
         square += node.weight * difference * difference;
         target += node.weight * p * p;
@@ -109,7 +123,7 @@ pub fn measure(table: &Table, x: f64, y: f64) -> Point {
     let (roughness, n_dot_v) = coordinates(table.resolution(), x, y);
     let reflection = reflection_at(table.resolution(), x, y);
     let entry = table.interpolate(x, y);
-    let (total_variation, relative_l2) = distance(&reflection, &entry.lobe);
+    let (total_variation, relative_l2) = distance(&reflection, &entry.model(reflection.n_dot_v));
     let (a0, a1) = reflection.albedo();
     Point {
         roughness,
@@ -117,7 +131,7 @@ pub fn measure(table: &Table, x: f64, y: f64) -> Point {
         total_variation,
         relative_l2,
         albedo_error: entry.albedo() - a0,
-        fresnel_error: entry.bias * entry.lobe_norm - a1,
+        fresnel_error: entry.bias - a1,
     }
 }
 
@@ -179,10 +193,18 @@ impl Random {
         in_frame(axis, [s * cos, s * sin, z])
     }
 
-    /// A light within 52° of the mirror direction, 1.5 m to 6 m away, half edges 0.25 m to 1.5 m, tilted up to 60°.
-    fn rectangle(&mut self, n_dot_v: f64) -> Rectangle {
-        let sin_v = (1.0 - n_dot_v * n_dot_v).sqrt();
-        let direction = self.in_cone([-sin_v, 0.0, n_dot_v], 52.0);
+    /// A light 1.5 m to 6 m away, half edges 0.25 m to 1.5 m, tilted up to 60°.
+    fn rectangle(&mut self, n_dot_v: f64, place: Place) -> Rectangle {
+        let mirror = [-(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
+        let direction = match place {
+            Place::NearMirror => self.in_cone(mirror, MIRROR_CONE_DEGREES),
+            Place::OffMirror => loop {
+                let direction = self.in_cone([0.0, 0.0, 1.0], 90.0);
+                if dot(direction, mirror) < MIRROR_CONE_DEGREES.to_radians().cos() {
+                    break direction;
+                }
+            },
+        };
         let distance = self.range(1.5, 6.0);
         let normal = self.in_cone(direction, 60.0);
         let (sin, cos) = self.range(0.0, TAU).sin_cos();
@@ -216,6 +238,7 @@ pub fn integral_bin(
     table: &Table,
     roughness: f64,
     degrees: (f64, f64),
+    place: Place,
     clipping: Clipping,
 ) -> IntegralBin {
     let seed = [roughness, degrees.0, degrees.1]
@@ -228,27 +251,28 @@ pub fn integral_bin(
     let cases: Vec<(f64, Rectangle)> = (0..RECTANGLES)
         .map(|_| {
             let n_dot_v = random.range(degrees.0, degrees.1).to_radians().cos();
-            (n_dot_v, random.rectangle(n_dot_v))
+            (n_dot_v, random.rectangle(n_dot_v, place))
         })
         .collect();
     let alpha = (roughness * roughness).max(crate::MIN_ALPHA);
-    // A panel of eight Gauss nodes takes in about one lobe width across a light of 60°.
-    let panels = ((1.0 / alpha) as usize).clamp(10, 60);
     let values: Vec<(f64, f64)> = cases
         .par_iter()
         .map(|(n_dot_v, rectangle)| {
-            let truth = rectangle.reflected(&Reflection::new(alpha, *n_dot_v), panels);
+            let corners = rectangle.corners();
+            let truth = reflected(&corners, &Reflection::new(alpha, *n_dot_v));
             let entry = table.sample(roughness, *n_dot_v);
+            let model = entry.model(*n_dot_v);
             let integral = match clipping {
-                Clipping::BeforeAndAfter => lobe_integral(&entry.lobe, &rectangle.corners()),
+                Clipping::BeforeAndAfter => model_integral(&model, &corners),
                 Clipping::AfterOnly => {
-                    let mapped = rectangle
-                        .corners()
-                        .map(|corner| entry.lobe.transform(corner));
-                    form_factor(&clip_to_horizon(&mapped))
+                    let mapped = corners.map(|corner| model.lobe.transform(corner));
+                    let [x, _, z] = form_factor(&clip_to_horizon(&corners));
+                    model.lobe_weight() * form_factor(&clip_to_horizon(&mapped))[2]
+                        + model.tail_z * z
+                        + model.tail_x * x
                 }
             };
-            ((entry.scale + entry.bias) * integral - truth, truth)
+            (entry.albedo() * integral - truth, truth)
         })
         .collect();
     let sum = |f: &dyn Fn(&(f64, f64)) -> f64| values.iter().map(f).sum::<f64>();
@@ -261,11 +285,11 @@ pub fn integral_bin(
 }
 
 /// Every bin of [`BIN_ROUGHNESSES`] × [`BIN_DEGREES`].
-pub fn integral_bins(table: &Table, clipping: Clipping) -> Vec<IntegralBin> {
+pub fn integral_bins(table: &Table, place: Place, clipping: Clipping) -> Vec<IntegralBin> {
     BIN_ROUGHNESSES
         .iter()
         .flat_map(|&roughness| {
-            BIN_DEGREES.map(|degrees| integral_bin(table, roughness, degrees, clipping))
+            BIN_DEGREES.map(|degrees| integral_bin(table, roughness, degrees, place, clipping))
         })
         .collect()
 }
@@ -276,22 +300,28 @@ pub fn quality(table: &Table) -> Quality {
         grid: measure_grid(table),
         cells: measure_cells(table, 0.0),
         midpoints: measure_cells(table, 0.5),
-        bins: integral_bins(table, Clipping::BeforeAndAfter),
+        bins: integral_bins(table, Place::NearMirror, Clipping::BeforeAndAfter),
+        off_mirror_bins: integral_bins(table, Place::OffMirror, Clipping::BeforeAndAfter),
+        spheres: spheres(table),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lobe::Lobe;
     use crate::table::Entry;
 
     #[test]
     fn distance_of_a_lobe_to_another_is_between_0_and_1() {
         // α = 1 at normal incidence is near a cosine; the cosine turned by 60° is not.
         let reflection = Reflection::new(1.0, 1.0);
-        let (near, _) = distance(&reflection, &Lobe::COSINE);
+        let (near, _) = distance(&reflection, &Model::without_tail(Lobe::COSINE));
         let (sin, cos) = 60_f64.to_radians().sin_cos();
-        let (far, _) = distance(&reflection, &Lobe::from_array([cos, sin, -sin, cos]));
+        let (far, _) = distance(
+            &reflection,
+            &Model::without_tail(Lobe::from_array([cos, sin, -sin, cos])),
+        );
         assert!(near < 0.1 && far > 0.4 && far < 1.0, "{near} {far}");
     }
 
@@ -300,8 +330,7 @@ mod tests {
         let mut random = Random(1);
         for _ in 0..200 {
             let n_dot_v = random.range(0.05, 1.0);
-            let Rectangle { centre, half_edges } = random.rectangle(n_dot_v);
-            let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let Rectangle { centre, half_edges } = random.rectangle(n_dot_v, Place::NearMirror);
             let [u, v] = half_edges;
             assert!(dot(u, v).abs() < 1e-12);
             for (length, from, to) in [(u, 0.25, 1.5), (v, 0.25, 1.5), (centre, 1.5, 6.0)] {
@@ -311,7 +340,13 @@ mod tests {
             let mirror = [-(1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v];
             assert!(
                 dot(centre, mirror)
-                    >= 52_f64.to_radians().cos() * dot(centre, centre).sqrt() - 1e-12
+                    >= MIRROR_CONE_DEGREES.to_radians().cos() * dot(centre, centre).sqrt() - 1e-12
+            );
+            let centre = random.rectangle(n_dot_v, Place::OffMirror).centre;
+            assert!(centre[2] > 0.0);
+            assert!(
+                dot(centre, mirror)
+                    < MIRROR_CONE_DEGREES.to_radians().cos() * dot(centre, centre).sqrt() + 1e-12
             );
         }
     }
@@ -320,14 +355,20 @@ mod tests {
     fn integral_bins_see_a_wrong_amplitude() {
         let bin = |scale| {
             let entry = Entry {
-                lobe: Lobe::COSINE,
+                mirror: Lobe::COSINE.to_array(),
                 scale,
                 bias: 0.0,
-                diffuse_fresnel: 0.0,
-                lobe_norm: 1.0,
+                tail_z: 0.0,
+                tail_x: 0.0,
             };
             let table = Table::from_entries(2, &[entry; 4]);
-            integral_bin(&table, 1.0, (0.0, 5.0), Clipping::BeforeAndAfter)
+            integral_bin(
+                &table,
+                1.0,
+                (0.0, 5.0),
+                Place::NearMirror,
+                Clipping::BeforeAndAfter,
+            )
         };
         // GGX of α = 1 reflects 1 − ln 2 = 0.307 of what the unit cosine does, in a lobe near it.
         let (right, wrong) = (bin(1.0 - 2.0_f64.ln()), bin(1.0));

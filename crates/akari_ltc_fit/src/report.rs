@@ -1,6 +1,7 @@
 //! The figures of a table as text, beside those of the published one.
 
 use crate::quality::{BIN_DEGREES, GRID_ANGLES, IntegralBin, Point, Quality};
+use crate::spheres::SPHERE_ROUGHNESSES;
 use std::fmt::Write;
 
 /// Mean total variation of the published table over the same 48 cells (its whole lobe against GGX).
@@ -55,7 +56,7 @@ pub fn report(quality: &Quality) -> String {
 fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
     writeln!(
         out,
-        "total variation between GGX and the lobe, by alpha and view angle"
+        "total variation between GGX and lobe with tail, by alpha and view angle"
     )?;
     for row in quality.grid.chunks(GRID_ANGLES) {
         let Some(first) = row.first() else { continue };
@@ -105,12 +106,42 @@ fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
         out,
         "\nintegrals over random rectangles, error in %: mean |error| / mean value, in brackets relative RMSE"
     )?;
+    write_bin_table(out, &quality.bins, true)?;
+    writeln!(
+        out,
+        "\nthe same over random rectangles elsewhere above the horizon, more than 52° from the mirror direction"
+    )?;
+    write_bin_table(out, &quality.off_mirror_bins, false)?;
+
+    writeln!(
+        out,
+        "\nwhite-metal spheres, relative RMSE in % over all pixels / over those seen at 60° to 80°, by roughness"
+    )?;
+    write!(out, "  {:20}", "")?;
+    for roughness in SPHERE_ROUGHNESSES {
+        write!(out, "  {roughness:10.2}")?;
+    }
+    writeln!(out, "         all         bias")?;
+    for error in &quality.spheres {
+        write!(out, "  {:20}", error.light)?;
+        let total = error.total();
+        for sphere in error.spheres.iter().chain([&total]) {
+            let (all, grazing) = (sphere.all.relative_rmse(), sphere.grazing.relative_rmse());
+            write!(out, "  {:4.1} /{:5.1}", 100.0 * all, 100.0 * grazing)?;
+        }
+        let (all, grazing) = (total.all.bias(), total.grazing.bias());
+        writeln!(out, "  {:4.1} /{:5.1}", 100.0 * all, 100.0 * grazing)?;
+    }
+    Ok(())
+}
+
+fn write_bin_table(out: &mut String, bins: &[IntegralBin], published: bool) -> std::fmt::Result {
     write!(out, "  roughness        ")?;
     for (from, to) in BIN_DEGREES {
-        write!(out, "  {from:2.0}-{to:2.0}°      ")?;
+        write!(out, "  {from:2.0}-{to:2.0}°       ")?;
     }
     writeln!(out)?;
-    for row in quality.bins.chunks(BIN_DEGREES.len()) {
+    for row in bins.chunks(BIN_DEGREES.len()) {
         let Some(first) = row.first() else { continue };
         write_bins(
             out,
@@ -120,7 +151,7 @@ fn write_report(out: &mut String, quality: &Quality) -> std::fmt::Result {
         )?;
         for published in PUBLISHED_BINS
             .iter()
-            .filter(|p| p.roughness == first.roughness)
+            .filter(|p| published && p.roughness == first.roughness)
         {
             write_bins(
                 out,
@@ -147,7 +178,7 @@ fn write_bins(
 ) -> std::fmt::Result {
     write!(out, "  {roughness:.1} {name:13}")?;
     for (mean, rms) in errors {
-        write!(out, "  {:4.1} ({:4.1})", 100.0 * mean, 100.0 * rms)?;
+        write!(out, "  {:5.1} ({:5.1})", 100.0 * mean, 100.0 * rms)?;
     }
     writeln!(out)
 }

@@ -1,6 +1,6 @@
 //! The table: its cells, its bytes and its bilinear lookup.
 
-use crate::lobe::Lobe;
+use crate::lobe::{Lobe, Model};
 use half::f16;
 
 /// Number of f16 components of a cell over both layers.
@@ -11,48 +11,50 @@ const TEXEL: usize = 4;
 /// Everything a cell of the table says, as stored or interpolated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Layer 0: M⁻¹.
-    pub lobe: Lobe,
-    /// Layer 1, x: (A₀ − A₁) / N, the factor of f0.
+    /// Layer 0: B = M⁻¹ \[X Z\] in the frame of the mirror direction, \[0\]\[0\], \[0\]\[2\], \[2\]\[0\], \[2\]\[2\].
+    ///
+    /// There a narrow lobe's entries hardly depend on the view, which is what interpolation needs.
+    pub mirror: [f64; 4],
+    /// Layer 1, x: A₀ − A₁, the factor of f0.
     pub scale: f64,
-    /// Layer 1, y: A₁ / N, the factor of f90.
+    /// Layer 1, y: A₁, the factor of f90.
     pub bias: f64,
-    /// Layer 1, z: (1/π) ∫ (1 − v·h)⁵ cos θₗ dl.
-    pub diffuse_fresnel: f64,
-    /// Layer 1, w: N = ∫ D over the upper hemisphere.
-    pub lobe_norm: f64,
+    /// Layer 1, z: the part of the energy in the tail.
+    pub tail_z: f64,
+    /// Layer 1, w: the slope of the tail.
+    pub tail_x: f64,
 }
 
 impl Entry {
     /// The eight components, layer 0 first.
     pub fn to_array(self) -> [f64; CELL] {
-        let [a, b, c, d] = self.lobe.to_array();
-        [
-            a,
-            b,
-            c,
-            d,
-            self.scale,
-            self.bias,
-            self.diffuse_fresnel,
-            self.lobe_norm,
-        ]
+        let [a, b, c, d] = self.mirror;
+        [a, b, c, d, self.scale, self.bias, self.tail_z, self.tail_x]
     }
 
     /// The entry of eight components, layer 0 first.
-    pub fn from_array(v: [f64; CELL]) -> Self {
+    pub fn from_array([a, b, c, d, scale, bias, tail_z, tail_x]: [f64; CELL]) -> Self {
         Self {
-            lobe: Lobe::from_array([v[0], v[1], v[2], v[3]]),
-            scale: v[4],
-            bias: v[5],
-            diffuse_fresnel: v[6],
-            lobe_norm: v[7],
+            mirror: [a, b, c, d],
+            scale,
+            bias,
+            tail_z,
+            tail_x,
         }
     }
 
-    /// Directional albedo for F = 1: ∫ f cos θ as the renderer gets it, `(scale + bias) · lobe_norm`.
+    /// What the renderer shades with at this `n_dot_v`.
+    pub fn model(&self, n_dot_v: f64) -> Model {
+        Model {
+            lobe: Lobe::from_mirror_frame(self.mirror, n_dot_v),
+            tail_z: self.tail_z,
+            tail_x: self.tail_x,
+        }
+    }
+
+    /// Directional albedo for F = 1.
     pub fn albedo(&self) -> f64 {
-        (self.scale + self.bias) * self.lobe_norm
+        self.scale + self.bias
     }
 }
 
@@ -211,7 +213,7 @@ mod tests {
         let table = small();
         let middle = table.interpolate(0.5, 1.5);
         // Cells 3, 4, 6, 7: the mean of their first components.
-        assert_eq!(middle.lobe.m00, 8.0 * 5.0);
+        assert_eq!(middle.mirror[0], 8.0 * 5.0);
         assert_eq!(table.interpolate(-3.0, 9.0), table.cell(0, 2));
         assert_eq!(table.sample(1.0, 0.0), table.cell(2, 2));
         assert_eq!(table.sample(0.5, 1.0), table.cell(1, 0));

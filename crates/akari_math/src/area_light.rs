@@ -77,7 +77,7 @@ pub fn surface_reflectance(
 /// Fraction of light that passes a dielectric interface to the diffuse layer below it, in `[0, 1]`.
 ///
 /// `1 − max over channels of (f0 + (f90 − f0) diffuse_fresnel)`: the `fresnel_mix` of glTF 2.0, Appendix B, with the
-/// weight `(1 − v·h)⁵` averaged over the cosine hemisphere, `diffuse_fresnel`, from the table of [`crate::ltc::lookup`].
+/// weight `(1 − v·h)⁵` averaged over the cosine hemisphere, [`diffuse_fresnel`](crate::ltc::lookup::diffuse_fresnel).
 #[must_use]
 pub fn diffuse_transmission(dielectric_f0: Vec3, dielectric_f90: f32, diffuse_fresnel: f32) -> f32 {
     let reflected = dielectric_f0 + (Vec3::splat(dielectric_f90) - dielectric_f0) * diffuse_fresnel;
@@ -97,8 +97,9 @@ pub fn specular_albedo(f0: Vec3, f90: f32, scale: f32, bias: f32) -> Vec3 {
 /// Radiance reflected to the view from a light of constant `radiance`:
 /// `L (diffuse_albedo E_diffuse + specular_albedo E_specular)`.
 ///
-/// `diffuse_albedo` is `diffuse_color · diffuse_transmission`; the integrals are the `.z` of
-/// [`crate::ltc::polygon::LtcPolygon`]. Radiance in and out in the same unit.
+/// `diffuse_albedo` is `diffuse_color · diffuse_transmission`; `diffuse_integral` is the `.z` of the form factor of
+/// [`crate::ltc::polygon::LtcPolygon`], `specular_integral` is
+/// [`ltc_specular_integral`](crate::ltc::lookup::ltc_specular_integral). Radiance in and out in the same unit.
 #[must_use]
 pub fn diffuse_specular_combine(
     radiance: Vec3,

@@ -69,7 +69,7 @@ fn across_axis(random: &mut Random, texel: Vec4, skewed: bool) -> AcrossAxis {
         v = 0.5 * v + 0.3 * u;
     }
     let (u, v) = (u.extend(0.45), v.extend(0.55));
-    let (m, m_inv) = (ltc_m(texel), ltc_m_inv(texel));
+    let (m, m_inv) = (ltc_m(texel, 1.0), ltc_m_inv(texel, 1.0));
     // The axis counts for nothing where the foot of the perpendicular counts alone.
     let footprint = light_image_footprint(
         Vec3::new(0.3, 0.1, 0.9),

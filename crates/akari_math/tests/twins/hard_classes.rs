@@ -140,8 +140,8 @@ const CLASSES: &[(&str, Maker)] = &[
 fn transforms() -> [(&'static str, Mat3); 3] {
     [
         ("identity", Mat3::IDENTITY),
-        ("skewed", ltc_m_inv(Vec4::new(1.1, -0.25, 0.2, 0.9))),
-        ("narrow", ltc_m_inv(Vec4::new(0.9, -0.5, 0.25, 0.45))),
+        ("skewed", ltc_m_inv(Vec4::new(1.1, -0.25, 0.2, 0.9), 1.0)),
+        ("narrow", ltc_m_inv(Vec4::new(0.9, -0.5, 0.25, 0.45), 1.0)),
     ]
 }
 
@@ -378,7 +378,7 @@ fn degenerate_polygons() {
         vec![z * 1e38, x * 1e-38, y + z],
         vec![x + 1e-7 * z, y + 1e-7 * z, -x + 1e-7 * z, -y + 1e-7 * z],
     ];
-    let m_inv = ltc_m_inv(Vec4::new(0.9, -0.5, 0.25, 0.45));
+    let m_inv = ltc_m_inv(Vec4::new(0.9, -0.5, 0.25, 0.45), 1.0);
     let singular = Mat3::from_cols(Vec3::ZERO, Vec3::Y, Vec3::ZERO);
     let check = |output: [f32; 2], polygon: &Polygon, zero: bool, where_: &str| {
         assert!(

@@ -26,8 +26,8 @@ fn footprint_of(row: &[f32]) -> ImageFootprint {
     let texel = Vec4::from_slice(&row[3..]);
     light_image_footprint(
         vec3(row, 0),
-        ltc_m(texel),
-        ltc_m_inv(texel),
+        ltc_m(texel, 1.0),
+        ltc_m_inv(texel, 1.0),
         vec3(row, 7),
         vec3(row, 10),
         Vec4::from_slice(&row[13..]),
@@ -255,7 +255,7 @@ fn footprint_case(
         functions: &["light_image_footprint"],
         imports: "#import akari_math::ltc::lookup::{ltc_m, ltc_m_inv}",
         body: "let texel = x_vec4(3u);
-            let footprint = light_image_footprint(x_vec3(0u), ltc_m(texel), ltc_m_inv(texel), x_vec3(7u), x_vec3(10u),
+            let footprint = light_image_footprint(x_vec3(0u), ltc_m(texel, 1.0), ltc_m_inv(texel, 1.0), x_vec3(7u), x_vec3(10u),
                 x_vec4(13u), x_vec4(17u), x(21u));
             let line = footprint.line;
             let size = max(length(line), 1e-20);

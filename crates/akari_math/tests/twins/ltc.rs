@@ -1,4 +1,4 @@
-//! Rows of `polygon`, `form_factor`, `ltc::polygon` and `ltc::lookup`.
+//! Rows of `polygon`, `form_factor` and `ltc::polygon`.
 
 use crate::harness::{Case, Mutation, absolute, domain, dvec3, push3, rows, ulp, ulp_of, vec3};
 use akari_math::form_factor::{self, FormFactorChain};
@@ -9,7 +9,6 @@ use glam::{Mat3, Vec3, Vec4};
 const POLYGON: &str = "akari_math::polygon";
 const FORM_FACTOR: &str = "akari_math::form_factor";
 const LTC: &str = "akari_math::ltc::polygon";
-const LOOKUP: &str = "akari_math::ltc::lookup";
 
 fn mutation(module: &'static str, from: &'static str, to: &'static str) -> Mutation {
     Mutation { module, from, to }
@@ -34,12 +33,15 @@ fn triangles(seed: u64, n: usize, z_lo: f32, z_hi: f32) -> Vec<f32> {
             v.z = random.range(z_lo, z_hi);
             push3(row, v);
         }
-        let m_inv = lookup::ltc_m_inv(Vec4::new(
-            random.range(0.5, 1.5),
-            random.range(-0.4, 0.4),
-            random.range(-0.4, 0.4),
-            random.range(0.3, 1.2),
-        ));
+        let m_inv = lookup::ltc_m_inv(
+            Vec4::new(
+                random.range(0.5, 1.5),
+                random.range(-0.4, 0.4),
+                random.range(-0.4, 0.4),
+                random.range(0.3, 1.2),
+            ),
+            1.0,
+        );
         row.extend(m_inv.to_cols_array());
     })
 }
@@ -263,41 +265,6 @@ pub fn cases() -> Vec<Case> {
                 mutation(LTC, "m_inv * point);", "point);"),
                 mutation(LTC, "select(scaled, step.crossing, is_crossing));", "select(step.crossing, scaled, is_crossing));"),
                 mutation(LTC, "if all(scaled == vec3<f32>(0.0)) {\n        return;\n    }\n    let step = horizon_clip_push((*polygon).clip, scaled);\n    (*polygon).clip = step.clip;\n    // A loop", "let step = horizon_clip_push((*polygon).clip, scaled + vec3<f32>(0.0, 0.0, 1e-4));\n    (*polygon).clip = step.clip;\n    // A loop"),
-            ],
-        },
-        Case {
-            module: LOOKUP,
-            functions: &["ltc_uv", "ltc_m_inv", "ltc_m"],
-            imports: "",
-            body: "y_vec2(0u, ltc_uv(x(0u), x(1u))); y_mat3(2u, ltc_m_inv(x_vec4(2u))); y_mat3(11u, ltc_m(x_vec4(2u)));",
-            inputs: 6,
-            outputs: 20,
-            twin: |x, y| {
-                y.extend(lookup::ltc_uv(x[0], x[1]).to_array());
-                let texel = Vec4::new(x[2], x[3], x[4], x[5]);
-                y.extend(lookup::ltc_m_inv(texel).to_cols_array());
-                y.extend(lookup::ltc_m(texel).to_cols_array());
-            },
-            oracle: Some(|x, y| {
-                let parameters = [x[0].clamp(0.0, 1.0), (1.0 - x[1].clamp(0.0, 1.0)).sqrt()];
-                y.extend(parameters.map(|p| (p * 63.0 + 0.5) / 64.0));
-                let m_inv = glam::DMat3::from_cols_array(&[x[2], 0.0, x[4], 0.0, 1.0, 0.0, x[3], 0.0, x[5]]);
-                y.extend(m_inv.to_cols_array());
-                y.extend((m_inv.inverse() * m_inv.determinant()).to_cols_array());
-            }),
-            domains: vec![domain(
-                "table",
-                rows(78, 500, |random, row| {
-                    row.extend([random.range(-0.1, 1.1), random.range(-0.1, 1.1)]);
-                    row.extend([random.range(0.5, 1.6), random.range(-0.3, 0.3), random.range(-0.3, 0.3), random.range(0.3, 1.6)]);
-                }),
-                absolute(3e-7),
-                ulp_of(2, 1.0),
-            )],
-            mutations: vec![
-                mutation(LOOKUP, "0.5 / LTC_TABLE_SIZE", "0.49 / LTC_TABLE_SIZE"),
-                mutation(LOOKUP, "vec3<f32>(texel.x, 0.0, texel.z)", "vec3<f32>(texel.x, 0.0, texel.y)"),
-                mutation(LOOKUP, "texel.x * texel.w - texel.y * texel.z", "texel.x * texel.w + texel.y * texel.z"),
             ],
         },
     ]

@@ -7,6 +7,7 @@ mod hard_classes;
 mod harness;
 mod layout;
 mod light_image;
+mod lookup;
 mod ltc;
 mod packing;
 mod properties;
@@ -25,6 +26,7 @@ fn table() -> Vec<Case> {
     cases.extend(ggx::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());
+    cases.extend(lookup::cases());
     cases.extend(light_image::cases());
     cases.extend(bounds::cases());
     cases

@@ -3,7 +3,8 @@
 //! The table stands for isotropic GGX with height-correlated Smith masking. A renderer that uses it clips the light
 //! to the surface's horizon **first**, then applies M⁻¹, then clips again; so the lobe that counts is the part of
 //! D above the surface, and the fit is free to put the rest below it (the published fit is not: Heitz, Dupuy, Hill,
-//! Neubelt 2016, *Real-Time Polygonal-Light Shading with Linearly Transformed Cosines*).
+//! Neubelt 2016, *Real-Time Polygonal-Light Shading with Linearly Transformed Cosines*). Under the lobe lies a tail that
+//! is linear in the direction, fitted with it ([`Model`]), for lights far from the mirror direction.
 //!
 //! - [`fit_table`] fits, [`generate`] writes the file that `akari_math::ltc::table` includes.
 //! - [`quality()`] measures a table (total variation, albedo, integrals over polygons), [`report()`] prints the figures.
@@ -33,9 +34,8 @@ pub const RESOLUTION: usize = 64;
 
 /// Smallest GGX width α that the table holds; smoother cells repeat it.
 ///
-/// f16 resolves the lobe's direction to about 2⁻¹² rad ≈ 2.4e-4, so a much narrower lobe would only jitter from cell
-/// to cell; and the smallest entries that matter, about 2 α n·v in row 2 of M⁻¹, are normal f16 numbers down to
-/// n·v = 0.03, the last row but one.
+/// The smallest entries that matter, about 2 α n·v in row 2 of B, are then normal f16 numbers down to n·v = 0.03, the
+/// last row but one.
 pub const MIN_ALPHA: f64 = 1e-3;
 
 /// Smallest n·v at which a lobe is evaluated. No view reads the last row (n·v = 0) alone: it is fitted to the views

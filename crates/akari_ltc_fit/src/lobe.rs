@@ -108,9 +108,9 @@ fn sine(cosine: f64) -> f64 {
 
 /// A normalised reflection as the renderer has it: a transformed cosine over a tail that is linear in the direction.
 ///
-/// q(l) = (1 − tail_z) D(l) / N + (tail_z l_z + tail_x l_x) / π on z ≥ 0. The tail is what a single lobe lacks far from
+/// q(l) = (1 − `tail_z`) D(l) / N + (`tail_z` `l_z` + `tail_x` `l_x`) / π on z ≥ 0. The tail is what a single lobe lacks far from
 /// the mirror direction. It costs the renderer nothing: over a polygon it integrates to the vector form factor that the
-/// diffuse part needs anyway. As ∫ l_z / π = 1 and ∫ l_x / π = 0 over the hemisphere, ∫ q = 1.
+/// diffuse part needs anyway. As ∫ `l_z` / π = 1 and ∫ `l_x` / π = 0 over the hemisphere, ∫ q = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     /// D.
@@ -131,7 +131,7 @@ impl Model {
         }
     }
 
-    /// (1 − tail_z) / N.
+    /// (1 − `tail_z`) / N.
     pub fn lobe_weight(&self) -> f64 {
         (1.0 - self.tail_z) / self.lobe.norm()
     }

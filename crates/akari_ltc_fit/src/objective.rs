@@ -136,7 +136,7 @@ pub struct Objective {
 struct SoftLight {
     /// Of the normalised target.
     target: f64,
-    /// Of l_z / π and l_x / π.
+    /// Of `l_z` / π and `l_x` / π.
     tail: [f64; 2],
     /// Factor of its squared error in the mean square relative error of its kind.
     weight: f64,
@@ -154,7 +154,7 @@ pub struct TailSystem {
 }
 
 impl TailSystem {
-    /// τ = (tail_z, tail_x) with 0 ≤ tail_z ≤ [`MAX_TAIL`] and |tail_x| ≤ tail_z.
+    /// τ = (`tail_z`, `tail_x`) with 0 ≤ `tail_z` ≤ [`MAX_TAIL`] and |`tail_x`| ≤ `tail_z`.
     pub fn solve(&self) -> [f64; 2] {
         let [zz, zx, xx] = self.matrix;
         let [z, x] = self.right;
@@ -170,7 +170,7 @@ impl TailSystem {
     }
 }
 
-/// Largest |tail_x| / tail_z: at 1 the tail is nowhere negative but in the half towards the view, or away from it.
+/// Largest |`tail_x`| / `tail_z`: at 1 the tail is nowhere negative but in the half towards the view, or away from it.
 const MAX_SLOPE: f64 = 1.0;
 /// Largest part of the energy in the tail: the lobe keeps a say.
 const MAX_TAIL: f64 = 0.75;

@@ -83,6 +83,30 @@ fn a_transposed_table_is_caught() {
         ..e
     });
     let grid = Summary::of(&measure_grid(&transposed));
+    // In the mirror frame a symmetric lobe is its own transpose; the skewed ones tell.
+    assert!(
+        grid.mean_total_variation > 3.0 * MEAN_TOTAL_VARIATION
+            && grid.max_total_variation > 3.0 * MAX_TOTAL_VARIATION,
+        "{grid:?}"
+    );
+}
+
+#[test]
+fn a_table_in_the_frame_of_the_normal_is_caught() {
+    // What a renderer that forgot the mirror frame would shade with.
+    let table = shipped();
+    let n = table.resolution();
+    let entries: Vec<Entry> = (0..n * n)
+        .map(|i| {
+            let entry = table.cell(i % n, i / n);
+            let (_, n_dot_v) = coordinates(n, (i % n) as f64, (i / n) as f64);
+            Entry {
+                mirror: entry.model(1.0).lobe.in_mirror_frame(n_dot_v),
+                ..entry
+            }
+        })
+        .collect();
+    let grid = Summary::of(&measure_grid(&Table::from_entries(n, &entries)));
     assert!(grid.mean_total_variation > 0.4, "{grid:?}");
 }
 

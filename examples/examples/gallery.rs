@@ -292,8 +292,7 @@ fn write_title(controls: Res<Controls>, mut windows: Query<&mut Window>) {
     let switch = |on| if on { "on" } else { "off" };
     for mut window in &mut windows {
         window.title = format!(
-            "Akari gallery: [Q]uality {:?}, area [L]ights {}, one [R]oughness {}, [Space] motion {}, drag, wheel, \
-             arrows: look, [Esc] quit",
+            "Akari gallery | Q: quality {:?} | L: area lights {} | R: one roughness {} | Space: motion {} | Esc: quit",
             controls.quality,
             switch(controls.area_lights),
             switch(controls.one_roughness),

@@ -50,14 +50,26 @@ const ENTRIES: &[Entry] = &[
         entry_point: "prefilter",
         definitions: &[&["RESAMPLE"], &["DOWNSAMPLE"], &["CONVOLVE"]],
     },
+    Entry {
+        file: "capture.wgsl",
+        source: include_str!("../../akari_render/src/capture.wgsl"),
+        entry_point: "capture",
+        definitions: &[&[]],
+    },
 ];
+
+/// Those of the files above and below that stand in `akari_render`, since other passes share them.
+const SHARED: [&str; 2] = ["capture.wgsl", "gbuffer.wgsl"];
 
 const TYPES: &str = include_str!("../src/types.wgsl");
 
 /// Modules of this crate that the entry shaders import.
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
-    ("gbuffer.wgsl", include_str!("../../akari_render/src/gbuffer.wgsl")),
+    (
+        "gbuffer.wgsl",
+        include_str!("../../akari_render/src/gbuffer.wgsl"),
+    ),
 ];
 
 /// Bevy's fullscreen triangle: embedded by its plugin, but loaded only with a renderer.
@@ -337,7 +349,14 @@ fn every_shader_file_is_tested() {
         .map(|entry| entry.file)
         .chain(LIBRARIES.iter().map(|(file, _)| *file));
     let mut known: BTreeSet<PathBuf> = here
-        .map(|file| crates.join("akari_area_light/src").join(file))
+        .map(|file| {
+            let owner = if SHARED.contains(&file) {
+                "akari_render"
+            } else {
+                "akari_area_light"
+            };
+            crates.join(owner).join("src").join(file)
+        })
         .collect();
     for (import_path, source) in akari_math::WGSL_MODULES {
         let file = import_path

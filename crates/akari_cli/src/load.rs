@@ -104,7 +104,7 @@ pub fn write_picture(path: &Path, image: &RgbImage, exposure: Option<f32>) -> Re
     match picture_format(path)? {
         PictureFormat::Exr => write_rgb(path, image)?,
         PictureFormat::Png => {
-            write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?
+            write_png(path, image, exposure.map_or(Exposure::Auto, Exposure::Ev))?;
         }
     }
     Ok(())

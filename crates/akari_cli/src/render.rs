@@ -212,7 +212,7 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     };
     reporter.finish();
     if let Some(folder) = &args.buffers {
-        crate::buffers::write(&mut headless, view, folder, scale, &image)?;
+        crate::buffers::write(&headless, view, folder, scale, &image)?;
     }
     write_picture(&args.out, &image, args.exposure)?;
     if let Some(path) = &args.stats {

@@ -111,7 +111,7 @@ impl Place {
         fn add(folder: &Path, listing: &mut BTreeMap<PathBuf, Option<u64>>) {
             for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
                 let metadata = entry.metadata().expect("metadata");
-                listing.insert(entry.path(), metadata.is_file().then(|| metadata.len()));
+                listing.insert(entry.path(), metadata.is_file().then_some(metadata.len()));
                 if metadata.is_dir() {
                     add(&entry.path(), listing);
                 }

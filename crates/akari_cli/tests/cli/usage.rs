@@ -105,7 +105,7 @@ fn output_paths_are_checked_before_the_work() {
     std::fs::write(place.file("file"), b"in the way").expect("a file");
     for command in ["render", "reference"] {
         let run = |out: &str, code, says: &[&str]| {
-            place.refused(&[command, "scene.gltf", "--out", out], code, says)
+            place.refused(&[command, "scene.gltf", "--out", out], code, says);
         };
         run("no/such/x.exr", INPUT, &["no/such/x.exr", "make it first"]);
         run("folder.exr", INPUT, &["folder.exr", "is a folder"]);

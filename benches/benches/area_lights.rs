@@ -10,7 +10,9 @@ use bevy_akari::prelude::*;
 use bevy_akari_tests::accuracy::{
     Kind, Truth, floor, relative_rmse, render_with_cli, rough, scene_path, slanted, spheres, truth,
 };
-use bevy_akari_tests::{headless_or_skip, largest_difference, picture, rms, spawn_camera, spawn_floor_and_ball};
+use bevy_akari_tests::{
+    headless_or_skip, largest_difference, picture, rms, spawn_camera, spawn_floor_and_ball,
+};
 
 /// Side of the pictures.
 const SIDE: u32 = 256;
@@ -39,7 +41,10 @@ fn errors_beside_bevy() {
     for name in ["spheres_quad", "spheres_triangle", "spheres_hexagon"] {
         let scene = scene_path(name);
         let truth = truth(&scene, SIDE, SPP);
-        for (who, extra) in [("ours", &[][..]), ("Bevy's RectLight", &["--bevy-rect-lights"][..])] {
+        for (who, extra) in [
+            ("ours", &[][..]),
+            ("Bevy's RectLight", &["--bevy-rect-lights"][..]),
+        ] {
             if who != "ours" && name != "spheres_quad" {
                 continue;
             }
@@ -62,10 +67,15 @@ fn errors_beside_bevy() {
 
 fn by_roughness(image: &akari_scene::exr_io::RgbImage, truth: &Truth) {
     for roughness in [0.1f32, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0] {
-        let error = relative_rmse(image, truth, |kind| {
-            matches!(kind, Kind::Sphere { roughness: r, .. } if (r - roughness).abs() < 0.02)
-        });
-        println!("  roughness {roughness:4.2}               {}", percent(error));
+        let error = relative_rmse(
+            image,
+            truth,
+            |kind| matches!(kind, Kind::Sphere { roughness: r, .. } if (r - roughness).abs() < 0.02),
+        );
+        println!(
+            "  roughness {roughness:4.2}               {}",
+            percent(error)
+        );
     }
 }
 
@@ -90,7 +100,9 @@ fn textured_curve() {
 fn many_lights(headless: &mut Headless) {
     spawn_floor_and_ball(headless, StandardMaterial::default());
     let camera = spawn_camera(headless, SIDE, Vec3::new(0.0, 2.0, 4.0));
-    let light = PolygonLight::rectangle(0.02, 0.02).with_luminance(50.0).with_range(0.35);
+    let light = PolygonLight::rectangle(0.02, 0.02)
+        .with_luminance(50.0)
+        .with_range(0.35);
     for index in 0..1024 {
         let (row, column) = (index / 32, index % 32);
         let position = Vec3::new(column as f32 * 0.25 - 3.9, 0.15, row as f32 * 0.25 - 3.9);
@@ -98,16 +110,26 @@ fn many_lights(headless: &mut Headless) {
         headless.app.world_mut().spawn((light.clone(), transform));
     }
     let mut measure = |culling| {
-        headless.app.world_mut().entity_mut(camera).insert(AreaLighting {
-            culling,
-            ..AreaLighting::default()
-        });
+        headless
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .insert(AreaLighting {
+                culling,
+                ..AreaLighting::default()
+            });
         let image = picture(headless, camera);
         let mut times = Vec::new();
         for _ in 0..7 {
             headless.step().expect("it renders");
             let spans = headless.gpu_times();
-            times.push(spans.iter().filter(|(name, _)| name.starts_with("akari_")).map(|(_, ms)| ms).sum::<f64>());
+            times.push(
+                spans
+                    .iter()
+                    .filter(|(name, _)| name.starts_with("akari_"))
+                    .map(|(_, ms)| ms)
+                    .sum::<f64>(),
+            );
         }
         times.sort_by(f64::total_cmp);
         (image, times[times.len() / 2])
@@ -115,6 +137,12 @@ fn many_lights(headless: &mut Headless) {
     let (culled, with) = measure(true);
     let (full, without) = measure(false);
     println!("1,024 lights of range 0.35 m, both passes together");
-    println!("  without culling {without:9.2} ms, with {with:9.2} ms: {:.1} times less", without / with);
-    println!("  largest difference of the pictures: {:.1e} of their RMS", f64::from(largest_difference(&culled, &full)) / rms(&full));
+    println!(
+        "  without culling {without:9.2} ms, with {with:9.2} ms: {:.1} times less",
+        without / with
+    );
+    println!(
+        "  largest difference of the pictures: {:.1e} of their RMS",
+        f64::from(largest_difference(&culled, &full)) / rms(&full)
+    );
 }

@@ -1,1 +1,1 @@
-//! Benches of bevy_akari.
+//! Benches of `bevy_akari`.

@@ -239,7 +239,7 @@ fn override_roughness(
     mut own: Local<HashMap<AssetId<StandardMaterial>, f32>>,
 ) {
     const ONE_ROUGHNESS: f32 = 0.2;
-    if controls.one_roughness == !own.is_empty() {
+    if controls.one_roughness != own.is_empty() {
         return;
     }
     if !controls.one_roughness {

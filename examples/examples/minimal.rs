@@ -10,7 +10,7 @@ use bevy_akari::prelude::*;
 // README: to here
 #[cfg(not(feature = "window"))]
 fn main() -> std::process::ExitCode {
-    /// The README's program of bevy_akari, drawn to a file
+    /// The program of the README, drawn to a file
     #[derive(clap::Parser)]
     struct Arguments {
         #[command(flatten)]

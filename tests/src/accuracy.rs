@@ -1,8 +1,8 @@
 //! Error of the area lights against the path tracer, on the scenes of white-metal spheres over a Lambert floor.
 
 use akari_reference::{NoProgress, Options, render};
-use akari_scene::exr_io::{RgbImage, read_rgb};
 use akari_scene::Scene;
+use akari_scene::exr_io::{RgbImage, read_rgb};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -41,7 +41,10 @@ pub fn akari_binary() -> PathBuf {
 /// If it fails; its messages are printed.
 pub fn render_with_cli(scene: &Path, side: u32, extra: &[&str]) -> (RgbImage, serde_json::Value) {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (image, stats) = (folder.path().join("image.exr"), folder.path().join("stats.json"));
+    let (image, stats) = (
+        folder.path().join("image.exr"),
+        folder.path().join("stats.json"),
+    );
     let status = Command::new(akari_binary())
         .arg("render")
         .arg(scene)
@@ -52,7 +55,11 @@ pub fn render_with_cli(scene: &Path, side: u32, extra: &[&str]) -> (RgbImage, se
         .args(extra)
         .status()
         .expect("akari starts");
-    assert!(status.success(), "akari render {}: {status}", scene.display());
+    assert!(
+        status.success(),
+        "akari render {}: {status}",
+        scene.display()
+    );
     let text = std::fs::read_to_string(&stats).expect("statistics were written");
     let json = serde_json::from_str(&text).expect("statistics are JSON");
     (read_rgb(&image).expect("a picture was written"), json)
@@ -111,7 +118,11 @@ pub fn truth(scene: &Path, side: u32, spp: u32) -> Truth {
             } else if albedo > 0.9 {
                 let position = glam_vec(aovs.position[i]);
                 let view = (camera - position).normalize();
-                let angle = glam_vec(aovs.normal[i]).dot(view).clamp(-1.0, 1.0).acos().to_degrees();
+                let angle = glam_vec(aovs.normal[i])
+                    .dot(view)
+                    .clamp(-1.0, 1.0)
+                    .acos()
+                    .to_degrees();
                 Kind::Sphere {
                     roughness: aovs.roughness[i],
                     angle,
@@ -140,8 +151,10 @@ fn interior(kinds: &[Kind], side: usize) -> Vec<Kind> {
     (0..kinds.len())
         .map(|i| {
             let (x, y) = (i % side, i / side);
-            let alike = (y.saturating_sub(1)..=(y + 1).min(side - 1))
-                .all(|ny| (x.saturating_sub(1)..=(x + 1).min(side - 1)).all(|nx| same(kinds[i], kinds[ny * side + nx])));
+            let alike = (y.saturating_sub(1)..=(y + 1).min(side - 1)).all(|ny| {
+                (x.saturating_sub(1)..=(x + 1).min(side - 1))
+                    .all(|nx| same(kinds[i], kinds[ny * side + nx]))
+            });
             if alike { kinds[i] } else { Kind::Other }
         })
         .collect()

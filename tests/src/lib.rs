@@ -25,7 +25,9 @@ pub fn headless_or_skip(test: &str) -> Option<Headless> {
 /// A floor of 8 m × 8 m and a ball on it, of one material.
 pub fn spawn_floor_and_ball(headless: &mut Headless, material: StandardMaterial) -> Vec<Entity> {
     let world = headless.app.world_mut();
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    let material = world
+        .resource_mut::<Assets<StandardMaterial>>()
+        .add(material);
     let mut meshes = world.resource_mut::<Assets<Mesh>>();
     let floor = meshes.add(Plane3d::default().mesh().size(8.0, 8.0).build());
     let ball = meshes.add(Sphere::new(0.7).mesh().uv(48, 24));
@@ -45,7 +47,11 @@ pub fn spawn_floor_and_ball(headless: &mut Headless, material: StandardMaterial)
 /// A camera that looks at the origin from `position`.
 pub fn spawn_camera(headless: &mut Headless, size: u32, position: Vec3) -> Entity {
     let projection = Projection::Perspective(PerspectiveProjection::default());
-    let up = if position.x == 0.0 && position.z == 0.0 { Vec3::NEG_Z } else { Vec3::Y };
+    let up = if position.x == 0.0 && position.z == 0.0 {
+        Vec3::NEG_Z
+    } else {
+        Vec3::Y
+    };
     let transform = Transform::from_translation(position).looking_at(Vec3::new(0.0, 0.4, 0.0), up);
     headless
         .spawn_camera(UVec2::splat(size), projection, transform)

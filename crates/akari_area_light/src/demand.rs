@@ -8,7 +8,9 @@ use akari_render::prelude::*;
 use bevy::light::RectLight;
 use bevy::material::OpaqueRendererMethod;
 use bevy::prelude::*;
-use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode};
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
+};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::{Extract, ExtractSchedule, RenderApp};
 
@@ -31,7 +33,6 @@ pub fn build(app: &mut App) {
     if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
         render_app
             .init_resource::<CollectCounters>()
-            
             .add_systems(ExtractSchedule, extract_collect_counters);
     }
 }
@@ -45,7 +46,11 @@ pub fn demand(census: &Census) -> Demand {
     } else if cameras == 0 {
         Demand::idle("no active camera asks for area lighting")
     } else {
-        let plural = if lights == 1 { "area light is" } else { "area lights are" };
+        let plural = if lights == 1 {
+            "area light is"
+        } else {
+            "area lights are"
+        };
         Demand::needed(format!("{lights} {plural} visible"))
     }
 }
@@ -56,7 +61,11 @@ fn count_area_lights(
         (),
         (
             Or<(With<RectLight>, With<PolygonLight>)>,
-            Or<(Added<RectLight>, Added<PolygonLight>, Changed<InheritedVisibility>)>,
+            Or<(
+                Added<RectLight>,
+                Added<PolygonLight>,
+                Changed<InheritedVisibility>,
+            )>,
         ),
     >,
     mut removed_rect: RemovedComponents<RectLight>,
@@ -130,7 +139,10 @@ fn stays_forward(material: &StandardMaterial) -> Option<&'static str> {
 #[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct CollectCounters(pub bool);
 
-fn extract_collect_counters(mut target: ResMut<CollectCounters>, source: Extract<Res<CollectCounters>>) {
+fn extract_collect_counters(
+    mut target: ResMut<CollectCounters>,
+    source: Extract<Res<CollectCounters>>,
+) {
     target.set_if_neq(**source);
 }
 
@@ -163,7 +175,10 @@ pub fn collect_counters(
         staging.slice(..).map_async(MapMode::Read, move |result| {
             if result.is_ok() {
                 let bytes = mapped.slice(..).get_mapped_range();
-                for (name, count) in COUNTER_NAMES.iter().zip(bytemuck::cast_slice::<u8, u32>(&bytes)) {
+                for (name, count) in COUNTER_NAMES
+                    .iter()
+                    .zip(bytemuck::cast_slice::<u8, u32>(&bytes))
+                {
                     ledger.set_counter(name, u64::from(*count));
                 }
             }

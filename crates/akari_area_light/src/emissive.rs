@@ -18,6 +18,7 @@ pub struct EmissiveMeshLightsPlugin;
 
 /// Most corners of a mesh that becomes a light.
 pub const MAX_EMISSIVE_VERTICES: usize = 16;
+const _: () = assert!(MAX_EMISSIVE_VERTICES <= MAX_VERTICES);
 
 impl Plugin for EmissiveMeshLightsPlugin {
     fn build(&self, app: &mut App) {
@@ -81,7 +82,8 @@ fn update_emissive_mesh_lights(
         state.reasons.remove(&entity);
     }
     let changed_meshes: Vec<AssetId<Mesh>> = mesh_events.read().filter_map(changed_asset).collect();
-    let changed_materials: Vec<AssetId<StandardMaterial>> = material_events.read().filter_map(changed_asset).collect();
+    let changed_materials: Vec<AssetId<StandardMaterial>> =
+        material_events.read().filter_map(changed_asset).collect();
     for (entity, mesh_handle, material_handle, excluded, name) in &meshes_in_scene {
         let touched = mesh_handle.is_changed()
             || material_handle.is_changed()
@@ -90,7 +92,10 @@ fn update_emissive_mesh_lights(
         if !touched {
             continue;
         }
-        let (Some(mesh), Some(material)) = (meshes.get(&mesh_handle.0), materials.get(&material_handle.0)) else {
+        let (Some(mesh), Some(material)) = (
+            meshes.get(&mesh_handle.0),
+            materials.get(&material_handle.0),
+        ) else {
             continue;
         };
         let wanted = if excluded || material.emissive.to_vec3().max_element() <= 0.0 {
@@ -165,7 +170,6 @@ pub fn light_from_mesh(mesh: &Mesh, material: &StandardMaterial) -> Result<Light
         None => (0..positions.len() as u32).collect(),
     };
     let vertices = outline(&positions, &indices).map_err(|error| error.to_string())?;
-    debug_assert!(MAX_EMISSIVE_VERTICES <= MAX_VERTICES);
     if vertices.len() > MAX_EMISSIVE_VERTICES {
         return Err(format!(
             "it has {} corners; at most {MAX_EMISSIVE_VERTICES} make a light",
@@ -197,11 +201,14 @@ pub fn light_from_mesh(mesh: &Mesh, material: &StandardMaterial) -> Result<Light
             let samples: Vec<(Vec2, Vec2)> = indices
                 .iter()
                 .filter_map(|&index| {
-                    let uv = material.uv_transform.transform_point2(Vec2::from(*uvs.get(index as usize)?));
+                    let uv = material
+                        .uv_transform
+                        .transform_point2(Vec2::from(*uvs.get(index as usize)?));
                     Some((local(*positions.get(index as usize)?), uv))
                 })
                 .collect();
-            let map = affine_fit(&samples).ok_or("its texture coordinates are not an affine map of its plane")?;
+            let map = affine_fit(&samples)
+                .ok_or("its texture coordinates are not an affine map of its plane")?;
             Some(AreaLightTexture {
                 image: image.clone(),
                 uv_from_local: Some(map),
@@ -259,17 +266,25 @@ mod tests {
     use bevy::mesh::{Indices, PrimitiveTopology};
 
     fn quad() -> Mesh {
-        Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
-            .with_inserted_attribute(
-                Mesh::ATTRIBUTE_POSITION,
-                vec![[-1.0f32, 2.0, -0.5], [1.0, 2.0, -0.5], [1.0, 2.0, 0.5], [-1.0, 2.0, 0.5]],
-            )
-            .with_inserted_attribute(
-                Mesh::ATTRIBUTE_UV_0,
-                vec![[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
-            )
-            // Seen from below it runs counter-clockwise: it shines down.
-            .with_inserted_indices(Indices::U32(vec![0, 1, 2, 0, 2, 3]))
+        Mesh::new(
+            PrimitiveTopology::TriangleList,
+            RenderAssetUsages::default(),
+        )
+        .with_inserted_attribute(
+            Mesh::ATTRIBUTE_POSITION,
+            vec![
+                [-1.0f32, 2.0, -0.5],
+                [1.0, 2.0, -0.5],
+                [1.0, 2.0, 0.5],
+                [-1.0, 2.0, 0.5],
+            ],
+        )
+        .with_inserted_attribute(
+            Mesh::ATTRIBUTE_UV_0,
+            vec![[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
+        )
+        // Seen from below it runs counter-clockwise: it shines down.
+        .with_inserted_indices(Indices::U32(vec![0, 1, 2, 0, 2, 3]))
     }
 
     #[test]
@@ -284,7 +299,10 @@ mod tests {
         assert!(!parts.light.two_sided);
         let front = parts.transform.rotation * Vec3::NEG_Z;
         assert!(front.abs_diff_eq(Vec3::NEG_Y, 1e-6), "{front}");
-        let map = parts.texture.and_then(|texture| texture.uv_from_local).expect("an affine map");
+        let map = parts
+            .texture
+            .and_then(|texture| texture.uv_from_local)
+            .expect("an affine map");
         for vertex in &parts.light.vertices {
             let position = parts.transform.transform_point(vertex.extend(0.0));
             let expected = Vec2::new((position.x + 1.0) / 2.0, position.z + 0.5);
@@ -297,7 +315,12 @@ mod tests {
         let mut mesh = quad();
         mesh.insert_attribute(
             Mesh::ATTRIBUTE_POSITION,
-            vec![[-1.0f32, 2.0, -0.5], [1.0, 2.4, -0.5], [1.0, 2.0, 0.5], [-1.0, 2.0, 0.5]],
+            vec![
+                [-1.0f32, 2.0, -0.5],
+                [1.0, 2.4, -0.5],
+                [1.0, 2.0, 0.5],
+                [-1.0, 2.0, 0.5],
+            ],
         );
         let material = StandardMaterial::default();
         assert!(light_from_mesh(&mesh, &material).is_err());

@@ -79,7 +79,12 @@ pub fn extract_views(
     mut commands: Commands,
     cameras: Extract<
         Query<
-            (RenderEntity, &Camera, Option<&AreaLighting>, Option<&RenderLayers>),
+            (
+                RenderEntity,
+                &Camera,
+                Option<&AreaLighting>,
+                Option<&RenderLayers>,
+            ),
             (With<AkariCamera>, With<Camera3d>),
         >,
     >,
@@ -206,7 +211,9 @@ pub fn extract_area_lights(
             }
             Err(fault) => {
                 if warned.insert(entity) {
-                    let name = names.get(entity).map_or_else(|_| entity.to_string(), |name| name.to_string());
+                    let name = names
+                        .get(entity)
+                        .map_or_else(|_| entity.to_string(), |name| name.to_string());
                     warn!("area light {name} does not shine: {fault}");
                 }
             }
@@ -245,9 +252,16 @@ fn place(
     if shape.radiance == Vec3::ZERO || shape.range <= 0.0 {
         return Ok(None);
     }
-    let (x_axis, y_axis) = (affine.matrix3.x_axis.as_dvec3(), affine.matrix3.y_axis.as_dvec3());
+    let (x_axis, y_axis) = (
+        affine.matrix3.x_axis.as_dvec3(),
+        affine.matrix3.y_axis.as_dvec3(),
+    );
     // Double precision until the corners are relative to the centre: a light of 1 mm at 100 km keeps its shape.
-    let mean_local = shape.vertices.iter().map(|v| v.as_dvec2()).sum::<bevy::math::DVec2>()
+    let mean_local = shape
+        .vertices
+        .iter()
+        .map(|v| v.as_dvec2())
+        .sum::<bevy::math::DVec2>()
         / shape.vertices.len() as f64;
     let center = affine.translation.as_dvec3() + x_axis * mean_local.x + y_axis * mean_local.y;
     let mut vertices: Vec<Vec3> = shape
@@ -259,16 +273,25 @@ fn place(
         })
         .collect();
     let doubled_area: bevy::math::DVec3 = (0..vertices.len())
-        .map(|i| vertices[i].as_dvec3().cross(vertices[(i + 1) % vertices.len()].as_dvec3()))
+        .map(|i| {
+            vertices[i]
+                .as_dvec3()
+                .cross(vertices[(i + 1) % vertices.len()].as_dvec3())
+        })
         .sum();
     let area = 0.5 * doubled_area.length();
     let Some(mut normal) = doubled_area.try_normalize() else {
         return Err(ShapeFault::NoArea);
     };
-    let mut texture = texture.map(|texture| place_texture(texture, shape, x_axis, y_axis, mean_local));
+    let mut texture =
+        texture.map(|texture| place_texture(texture, shape, x_axis, y_axis, mean_local));
     // The front looks along local −Z; corners run counter-clockwise as seen from there.
     let front = -affine.matrix3.z_axis.as_dvec3();
-    let front = if front.length_squared() > 0.0 { front } else { y_axis.cross(x_axis) };
+    let front = if front.length_squared() > 0.0 {
+        front
+    } else {
+        y_axis.cross(x_axis)
+    };
     if normal.dot(front) < 0.0 {
         normal = -normal;
         vertices.reverse();
@@ -298,7 +321,9 @@ fn place_texture(
     y_axis: bevy::math::DVec3,
     mean_local: bevy::math::DVec2,
 ) -> ExtractedTexture {
-    let uv_from_local = texture.uv_from_local.unwrap_or_else(|| upright_uv(shape.vertices));
+    let uv_from_local = texture
+        .uv_from_local
+        .unwrap_or_else(|| upright_uv(shape.vertices));
     // Dual basis of the two axes within their plane: gradient_x · x_axis = 1, gradient_x · y_axis = 0.
     let normal = x_axis.cross(y_axis);
     let scale = normal.length_squared().max(f64::MIN_POSITIVE).recip();
@@ -340,9 +365,15 @@ mod tests {
             two_sided: false,
         };
         let texture = AreaLightTexture::default();
-        place(Entity::PLACEHOLDER, &shape, Some(&texture), &transform.into(), 1)
-            .expect("well formed")
-            .expect("not black")
+        place(
+            Entity::PLACEHOLDER,
+            &shape,
+            Some(&texture),
+            &transform.into(),
+            1,
+        )
+        .expect("well formed")
+        .expect("not black")
     }
 
     #[test]
@@ -350,13 +381,24 @@ mod tests {
         let light = PolygonLight::rectangle(2.0, 1.0);
         let mut clockwise = light.clone();
         clockwise.vertices.reverse();
-        for scale in [Vec3::ONE, Vec3::new(-1.0, 1.0, 1.0), Vec3::new(2.0, -3.0, 1.0)] {
+        for scale in [
+            Vec3::ONE,
+            Vec3::new(-1.0, 1.0, 1.0),
+            Vec3::new(2.0, -3.0, 1.0),
+        ] {
             for light in [&light, &clockwise] {
                 let placed = placed(Transform::from_scale(scale), light);
-                assert!(placed.normal.abs_diff_eq(Vec3::NEG_Z, 1e-6), "{scale} {}", placed.normal);
+                assert!(
+                    placed.normal.abs_diff_eq(Vec3::NEG_Z, 1e-6),
+                    "{scale} {}",
+                    placed.normal
+                );
                 let turn = (placed.vertices[1] - placed.vertices[0])
                     .cross(placed.vertices[2] - placed.vertices[1]);
-                assert!(turn.dot(placed.normal) > 0.0, "counter-clockwise from the front");
+                assert!(
+                    turn.dot(placed.normal) > 0.0,
+                    "counter-clockwise from the front"
+                );
                 assert!((placed.area - 2.0 * (scale.x * scale.y).abs()).abs() < 1e-5);
             }
         }
@@ -371,7 +413,10 @@ mod tests {
             let expected = Vec2::new((1.0 - vertex.x) / 2.0, 0.5 - vertex.y);
             assert!(uv.abs_diff_eq(expected, 1e-6), "{vertex} {uv}");
             let by_gradient = texture.uv_at_center
-                + Vec2::new(texture.gradient_u.dot(*vertex), texture.gradient_v.dot(*vertex));
+                + Vec2::new(
+                    texture.gradient_u.dot(*vertex),
+                    texture.gradient_v.dot(*vertex),
+                );
             assert!(by_gradient.abs_diff_eq(*uv, 1e-6), "{by_gradient} {uv}");
         }
     }

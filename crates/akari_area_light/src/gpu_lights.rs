@@ -32,7 +32,11 @@ impl LayerRegion {
     /// The region of a textured light.
     pub fn of(texture: &ExtractedTexture) -> Self {
         let low = texture.uvs.iter().copied().fold(Vec2::INFINITY, Vec2::min);
-        let high = texture.uvs.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max);
+        let high = texture
+            .uvs
+            .iter()
+            .copied()
+            .fold(Vec2::NEG_INFINITY, Vec2::max);
         let size = (high - low).max(Vec2::splat(f32::MIN_POSITIVE));
         Self {
             low: low - size * LAYER_MARGIN,
@@ -55,7 +59,9 @@ pub fn build_light_arrays(
     let mut arrays = LightArrays::default();
     for (index, light) in lights.iter().enumerate() {
         match (&light.texture, layer_of(index)) {
-            (Some(texture), Some(layer)) => push_cells(&mut arrays, light, texture, layer, texture_cells),
+            (Some(texture), Some(layer)) => {
+                push_cells(&mut arrays, light, texture, layer, texture_cells);
+            }
             // An image that is not loaded yet: dark, as Bevy draws a mesh whose image is missing.
             (Some(_), None) => {}
             (None, _) => {
@@ -120,9 +126,17 @@ fn push_cells(
     let at_center = region.layer_from_uv(texture.uv_at_center);
     let mut gpu = common(light);
     gpu.texture_layer = layer;
-    gpu.cell_size = if cells == 1 { WHOLE_LIGHT } else { 1.0 / ((1.0 + 2.0 * LAYER_MARGIN) * cells as f32) };
+    gpu.cell_size = if cells == 1 {
+        WHOLE_LIGHT
+    } else {
+        1.0 / ((1.0 + 2.0 * LAYER_MARGIN) * cells as f32)
+    };
     // The map from the plane to layer coordinates scales areas by |∇u × ∇v|.
-    gpu.layer_area = gradient_u.cross(gradient_v).length().max(f32::MIN_POSITIVE).recip();
+    gpu.layer_area = gradient_u
+        .cross(gradient_v)
+        .length()
+        .max(f32::MIN_POSITIVE)
+        .recip();
 
     let corners: Vec<Corner> = light
         .vertices
@@ -137,9 +151,13 @@ fn push_cells(
     let span = 1.0 / (1.0 + 2.0 * LAYER_MARGIN);
     let edge = |cell: u32| span * (LAYER_MARGIN + cell as f32 / cells as f32);
     for row in 0..cells {
-        let strip = clip(&clip(&corners, |c| c.layer.y - edge(row)), |c| edge(row + 1) - c.layer.y);
+        let strip = clip(&clip(&corners, |c| c.layer.y - edge(row)), |c| {
+            edge(row + 1) - c.layer.y
+        });
         for column in 0..cells {
-            let cell = clip(&clip(&strip, |c| c.layer.x - edge(column)), |c| edge(column + 1) - c.layer.x);
+            let cell = clip(&clip(&strip, |c| c.layer.x - edge(column)), |c| {
+                edge(column + 1) - c.layer.x
+            });
             if cell.len() < 3 {
                 continue;
             }

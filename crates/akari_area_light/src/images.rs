@@ -185,10 +185,9 @@ pub fn prepare_light_images(
     if let Some(existing) = &existing {
         let unchanged = existing.layers.len() == wanted.len()
             && wanted.iter().all(|(light, layer)| {
-                existing
-                    .layers
-                    .get(light)
-                    .is_some_and(|old| old.index == layer.index && old.key == layer.key && old.dynamic == layer.dynamic)
+                existing.layers.get(light).is_some_and(|old| {
+                    old.index == layer.index && old.key == layer.key && old.dynamic == layer.dynamic
+                })
             });
         if unchanged {
             return;
@@ -219,7 +218,10 @@ pub fn prepare_light_images(
     });
 }
 
-fn layer_key(light: &ExtractedAreaLight, gpu_images: &RenderAssets<GpuImage>) -> Option<(LayerKey, bool)> {
+fn layer_key(
+    light: &ExtractedAreaLight,
+    gpu_images: &RenderAssets<GpuImage>,
+) -> Option<(LayerKey, bool)> {
     let texture = light.texture.as_ref()?;
     let image = gpu_images.get(texture.image)?;
     let region = LayerRegion::of(texture);
@@ -237,7 +239,11 @@ fn layer_key(light: &ExtractedAreaLight, gpu_images: &RenderAssets<GpuImage>) ->
     Some((key, texture.dynamic))
 }
 
-fn layer_texture(label: &'static str, layers: u32, usage: TextureUsages) -> TextureDescriptor<'static> {
+fn layer_texture(
+    label: &'static str,
+    layers: u32,
+    usage: TextureUsages,
+) -> TextureDescriptor<'static> {
     TextureDescriptor {
         label: Some(label),
         size: Extent3d {
@@ -278,7 +284,11 @@ pub fn prefilter_light_images(
     let (Some(mut images), Some(pipelines)) = (images, pipelines) else {
         return;
     };
-    if images.layers.values().all(|layer| layer.filtered && !layer.dynamic) {
+    if images
+        .layers
+        .values()
+        .all(|layer| layer.filtered && !layer.dynamic)
+    {
         return;
     }
     let (Some(resample), Some(downsample), Some(convolve)) = (
@@ -295,14 +305,21 @@ pub fn prefilter_light_images(
         1,
         TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
     ));
-    let scratch_levels: Vec<TextureView> = (0..LAYER_LEVELS).map(|level| level_view(&scratch, 0, level)).collect();
+    let scratch_levels: Vec<TextureView> = (0..LAYER_LEVELS)
+        .map(|level| level_view(&scratch, 0, level))
+        .collect();
     let layout = cache.get_bind_group_layout(&pipelines.layout);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, PREFILTER_LABEL);
-    let LightImages { layers, texture, .. } = &mut *images;
-    for layer in layers.values_mut().filter(|layer| !layer.filtered || layer.dynamic) {
+    let LightImages {
+        layers, texture, ..
+    } = &mut *images;
+    for layer in layers
+        .values_mut()
+        .filter(|layer| !layer.filtered || layer.dynamic)
+    {
         let Some(image) = gpu_images.get(layer.key.image) else {
             continue;
         };
@@ -360,9 +377,20 @@ pub fn prefilter_light_images(
         let samples = samples_per_texel(UVec2::new(shown.width, shown.height), &layer.key.region);
         // Where no coarser level is read, any texture but the one written fills the binding.
         let unused = &scratch_levels[LAYER_LEVELS as usize - 1];
-        dispatch(resample, &image.texture_view, &scratch_levels[0], unused, 0, samples, 0.0);
+        dispatch(
+            resample,
+            &image.texture_view,
+            &scratch_levels[0],
+            unused,
+            0,
+            samples,
+            0.0,
+        );
         for level in 1..LAYER_LEVELS {
-            let (below, this) = (&scratch_levels[level as usize - 1], &scratch_levels[level as usize]);
+            let (below, this) = (
+                &scratch_levels[level as usize - 1],
+                &scratch_levels[level as usize],
+            );
             dispatch(downsample, below, this, &scratch_levels[0], level, 0, 0.0);
         }
         let levels: Vec<TextureView> = (0..LAYER_LEVELS)
@@ -372,7 +400,15 @@ pub fn prefilter_light_images(
             let source = &scratch_levels[level as usize];
             let coarser = levels.get(level as usize + 1).unwrap_or(source);
             let width = if level == 0 { 0.0 } else { KERNEL_WIDTH };
-            dispatch(convolve, source, &levels[level as usize], coarser, level, KERNEL_REACH, width);
+            dispatch(
+                convolve,
+                source,
+                &levels[level as usize],
+                coarser,
+                level,
+                KERNEL_REACH,
+                width,
+            );
         }
         layer.filtered = true;
     }

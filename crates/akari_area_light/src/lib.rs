@@ -81,7 +81,10 @@ impl Plugin for AreaLightPlugin {
             .add_systems(
                 Render,
                 (
-                    (prepare::release_area_lights, prepare::prepare_area_light_pipelines)
+                    (
+                        prepare::release_area_lights,
+                        prepare::prepare_area_light_pipelines,
+                    )
                         .chain()
                         .in_set(RenderSystems::Prepare),
                     (images::prepare_light_images, prepare::prepare_area_lights)

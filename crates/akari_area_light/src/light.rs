@@ -160,11 +160,14 @@ impl std::fmt::Display for ShapeFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::VertexCount(count) => {
-                write!(f, "it has {count} corners; {MIN_VERTICES} to {MAX_VERTICES} are possible")
+                write!(
+                    f,
+                    "it has {count} corners; {MIN_VERTICES} to {MAX_VERTICES} are possible"
+                )
             }
-            Self::NotFinite => {
-                f.write_str("a corner, its transform, its luminance or its colour is not a finite number")
-            }
+            Self::NotFinite => f.write_str(
+                "a corner, its transform, its luminance or its colour is not a finite number",
+            ),
             Self::NoArea => f.write_str("its corners span no area"),
             Self::SelfIntersecting => {
                 f.write_str("two of its sides cross; order the corners around the outline")
@@ -245,7 +248,15 @@ mod tests {
 
     #[test]
     fn good_outlines_pass() {
-        let l_shape = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)].map(Vec2::from);
+        let l_shape = [
+            (0.0, 0.0),
+            (2.0, 0.0),
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 2.0),
+            (0.0, 2.0),
+        ]
+        .map(Vec2::from);
         for light in [
             PolygonLight::default(),
             PolygonLight::regular(3, 1e-3),
@@ -263,9 +274,15 @@ mod tests {
             let corners: Vec<Vec2> = corners.iter().copied().map(Vec2::from).collect();
             check_outline(&corners)
         };
-        assert_eq!(fault(&[(0.0, 0.0), (1.0, 0.0)]), Err(ShapeFault::VertexCount(2)));
+        assert_eq!(
+            fault(&[(0.0, 0.0), (1.0, 0.0)]),
+            Err(ShapeFault::VertexCount(2))
+        );
         assert_eq!(fault(&[(0.0, 0.0); 65]), Err(ShapeFault::VertexCount(65)));
-        assert_eq!(fault(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]), Err(ShapeFault::NoArea));
+        assert_eq!(
+            fault(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]),
+            Err(ShapeFault::NoArea)
+        );
         assert_eq!(fault(&[(0.0, 0.0); 4]), Err(ShapeFault::NoArea));
         assert_eq!(
             fault(&[(0.0, 0.0), (f32::NAN, 1.0), (2.0, 2.0)]),

@@ -112,7 +112,9 @@ mod tests {
         for knob in AreaLighting::KNOBS {
             let mut settings = AreaLighting::preset(Quality::Low);
             for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings.set_knob(knob.name, value).expect("presets and limits are valid");
+                settings
+                    .set_knob(knob.name, value)
+                    .expect("presets and limits are valid");
                 assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
             }
         }
@@ -131,7 +133,9 @@ mod tests {
             let error = settings.set_knob(name, value).expect_err("out of range");
             assert!(error.to_string().contains(name), "{error}");
         }
-        let unknown = settings.set_knob("textur_cells", 2.0).expect_err("no such knob");
+        let unknown = settings
+            .set_knob("textur_cells", 2.0)
+            .expect_err("no such knob");
         assert!(unknown.to_string().contains("texture_cells"), "{unknown}");
         assert_eq!(settings, before, "a refused value changes nothing");
     }

@@ -2,6 +2,8 @@
 
 use bevy::camera::Hdr;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
 
 /// Asks for the effects of `bevy_akari` on this camera: each one that the scene calls for, and no other.
@@ -14,4 +16,13 @@ use bevy::prelude::*;
 #[derive(Component, Debug, Default, Clone, Copy, Reflect)]
 #[reflect(Component, Default, Debug, Clone)]
 #[require(Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
+#[component(on_add = switch_multisampling_off)]
 pub struct AkariCamera;
+
+/// A requirement only fills in what is absent, and `Camera3d` brings multisampling with it: where it came first, this
+/// takes it away again.
+fn switch_multisampling_off(mut world: DeferredWorld, context: HookContext) {
+    if world.get::<Msaa>(context.entity) != Some(&Msaa::Off) {
+        world.commands().entity(context.entity).insert(Msaa::Off);
+    }
+}

@@ -66,7 +66,9 @@ pub enum HeadlessError {
     #[error("a pipeline could not be made: {0}")]
     Pipeline(String),
     /// The image is larger than the GPU's textures can be.
-    #[error("an image of {width} x {height} pixels is not possible: 1 to {limit} in each direction")]
+    #[error(
+        "an image of {width} x {height} pixels is not possible: 1 to {limit} in each direction"
+    )]
     Size {
         /// Width asked for.
         width: u32,
@@ -112,7 +114,9 @@ pub fn adapters() -> Vec<AdapterDescription> {
                     wgpu::DeviceType::Other => "other",
                 }
                 .to_owned(),
-                driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+                driver: format!("{} {}", info.driver, info.driver_info)
+                    .trim()
+                    .to_owned(),
                 features: adapter.features(),
                 limits: adapter.limits(),
             }
@@ -179,8 +183,14 @@ impl Headless {
         }
         if let Some(wanted) = &options.adapter {
             let wanted_lower = wanted.to_lowercase();
-            if !available.iter().any(|adapter| adapter.name.to_lowercase().contains(&wanted_lower)) {
-                let names: Vec<_> = available.iter().map(|adapter| adapter.name.as_str()).collect();
+            if !available
+                .iter()
+                .any(|adapter| adapter.name.to_lowercase().contains(&wanted_lower))
+            {
+                let names: Vec<_> = available
+                    .iter()
+                    .map(|adapter| adapter.name.as_str())
+                    .collect();
                 return Err(HeadlessError::NoSuchAdapter {
                     wanted: wanted.clone(),
                     available: names.join(", "),
@@ -244,7 +254,9 @@ impl Headless {
         self.app
             .world()
             .get_resource::<RenderAdapterInfo>()
-            .map_or_else(String::new, |info| format!("{} ({})", info.name, info.driver_info))
+            .map_or_else(String::new, |info| {
+                format!("{} ({})", info.name, info.driver_info)
+            })
     }
 
     /// A camera without tonemapping, dither and exposure, whose pixels are linear radiance.
@@ -267,7 +279,11 @@ impl Headless {
         }
         let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba32Float, None);
         image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
-        let image = self.app.world_mut().resource_mut::<Assets<Image>>().add(image);
+        let image = self
+            .app
+            .world_mut()
+            .resource_mut::<Assets<Image>>()
+            .add(image);
         let camera = self.app.world_mut().spawn((
             Camera3d::default(),
             RenderTarget::Image(image.clone().into()),
@@ -312,12 +328,18 @@ impl Headless {
         let mut quiet = 0;
         for frame in 1..=MOST_FRAMES {
             self.step()?;
-            quiet = if self.waiting_pipelines()? == 0 { quiet + 1 } else { 0 };
+            quiet = if self.waiting_pipelines()? == 0 {
+                quiet + 1
+            } else {
+                0
+            };
             if quiet == QUIET_FRAMES {
                 return Ok(frame);
             }
         }
-        Err(HeadlessError::Pipeline("they never became ready".to_owned()))
+        Err(HeadlessError::Pipeline(
+            "they never became ready".to_owned(),
+        ))
     }
 
     fn waiting_pipelines(&self) -> Result<usize, HeadlessError> {
@@ -332,7 +354,8 @@ impl Headless {
             match &pipeline.state {
                 // A shader or import that is still being loaded is retried, and counts as waiting.
                 CachedPipelineState::Err(
-                    ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
+                    ShaderCacheError::ShaderNotLoaded(_)
+                    | ShaderCacheError::ShaderImportNotYetAvailable,
                 ) => {}
                 CachedPipelineState::Err(error) => {
                     return Err(HeadlessError::Pipeline(pipeline_error(error)));
@@ -357,8 +380,12 @@ impl Headless {
             .pipelines()
             .map(|pipeline| {
                 let label = match &pipeline.descriptor {
-                    PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.clone(),
-                    PipelineDescriptor::ComputePipelineDescriptor(descriptor) => descriptor.label.clone(),
+                    PipelineDescriptor::RenderPipelineDescriptor(descriptor) => {
+                        descriptor.label.clone()
+                    }
+                    PipelineDescriptor::ComputePipelineDescriptor(descriptor) => {
+                        descriptor.label.clone()
+                    }
                 };
                 label.unwrap_or_default().into_owned()
             })
@@ -374,14 +401,18 @@ impl Headless {
         const MOST_FRAMES: u32 = 16;
         let world = self.app.world_mut();
         let Some(target) = world.get::<HeadlessTarget>(camera).cloned() else {
-            return Err(HeadlessError::Gpu("the camera draws into no image that can be read".to_owned()));
+            return Err(HeadlessError::Gpu(
+                "the camera draws into no image that can be read".to_owned(),
+            ));
         };
         world.resource_mut::<LastReadback>().0 = None;
         let reader = world
             .spawn(Readback::texture(target.image))
-            .observe(|event: On<ReadbackComplete>, mut last: ResMut<LastReadback>| {
-                last.0 = Some(event.data.clone());
-            })
+            .observe(
+                |event: On<ReadbackComplete>, mut last: ResMut<LastReadback>| {
+                    last.0 = Some(event.data.clone());
+                },
+            )
             .id();
         let mut bytes = None;
         for _ in 0..MOST_FRAMES {
@@ -392,7 +423,8 @@ impl Headless {
             }
         }
         self.app.world_mut().despawn(reader);
-        let bytes = bytes.ok_or_else(|| HeadlessError::Gpu("it handed no picture over".to_owned()))?;
+        let bytes =
+            bytes.ok_or_else(|| HeadlessError::Gpu("it handed no picture over".to_owned()))?;
         let texel = size_of::<[f32; 4]>();
         let row_bytes = RenderDevice::align_copy_bytes_per_row(target.size.x as usize * texel);
         let mut data = Vec::with_capacity((target.size.x * target.size.y) as usize);

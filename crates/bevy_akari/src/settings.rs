@@ -53,10 +53,14 @@ impl AkariSettings {
     pub fn set(&mut self, effect: &str, knob: &str, value: f32) -> Result<(), SettingError> {
         // Both spellings: fields are written with underscores, effects on the command line with hyphens.
         match effect.replace('-', "_").as_str() {
-            "area_lights" => self.area_lights.set_knob(knob, value).map_err(|error| SettingError::Knob {
-                effect: EFFECT_NAMES[0],
-                error,
-            }),
+            "area_lights" => {
+                self.area_lights
+                    .set_knob(knob, value)
+                    .map_err(|error| SettingError::Knob {
+                        effect: EFFECT_NAMES[0],
+                        error,
+                    })
+            }
             _ => Err(SettingError::UnknownEffect(effect.to_owned())),
         }
     }
@@ -90,7 +94,9 @@ impl AkariSettings {
         let read: Self = ron::from_str(text).map_err(|error| error.to_string())?;
         let mut checked = read;
         for (effect, knob, value) in read.knobs() {
-            checked.set(effect, knob.name, value).map_err(|error| error.to_string())?;
+            checked
+                .set(effect, knob.name, value)
+                .map_err(|error| error.to_string())?;
         }
         Ok(checked)
     }
@@ -123,7 +129,9 @@ mod tests {
         let mut settings = AkariSettings::default();
         assert!(settings.set("area-lights", "texture_cells", 2.0).is_ok());
         assert_eq!(settings.area_lights.texture_cells, 2);
-        let error = settings.set("voxels", "size", 1.0).expect_err("no such effect");
+        let error = settings
+            .set("voxels", "size", 1.0)
+            .expect_err("no such effect");
         assert!(error.to_string().contains("area_lights"), "{error}");
     }
 }

@@ -28,7 +28,10 @@ fn untextured_lights_are_as_exact_as_promised() {
             100.0 * on_floor,
             100.0 * truth.noise
         );
-        assert!(truth.noise < 0.005, "the reference is too noisy to judge by");
+        assert!(
+            truth.noise < 0.005,
+            "the reference is too noisy to judge by"
+        );
         assert!(on_spheres <= 0.015, "{name}: {on_spheres} on the spheres");
         assert!(on_slanted <= 0.06, "{name}: {on_slanted} on slanted pixels");
         assert!(on_floor <= 0.005, "{name}: {on_floor} on the floor");
@@ -45,7 +48,11 @@ fn textured_lights_are_as_exact_as_promised() {
     let (image, _) = render_with_cli(&scene, SIDE, &[]);
     let on_rough = relative_rmse(&image, &truth, rough);
     let on_floor = relative_rmse(&image, &truth, floor);
-    println!("spheres_textured: roughness >= 0.25 {:.2} %, floor {:.2} %", 100.0 * on_rough, 100.0 * on_floor);
+    println!(
+        "spheres_textured: roughness >= 0.25 {:.2} %, floor {:.2} %",
+        100.0 * on_rough,
+        100.0 * on_floor
+    );
     assert!(on_rough <= 0.08, "{on_rough} on rough spheres");
     assert!(on_floor <= 0.08, "{on_floor} on the floor");
 }
@@ -70,15 +77,23 @@ fn units_camera_and_brdf_agree_with_mitsuba() {
         .map_or_else(|| root().join("../shared/data"), std::path::PathBuf::from)
         .join("reference/occluder");
     if !folder.is_dir() {
-        eprintln!("SKIPPED units_camera_and_brdf: {} is not there", folder.display());
+        eprintln!(
+            "SKIPPED units_camera_and_brdf: {} is not there",
+            folder.display()
+        );
         return;
     }
     let (image, _) = render_with_cli(&folder.join("scene.glb"), 256, &[]);
     let read = |name: &str| read_rgb(&folder.join(name)).expect("an image of the test data");
     let mitsuba = read("ref_direct_center_unshadowed_hc.exr");
     let mask = read("mask_interior.exr");
-    let metrics = akari_reference::metrics::compare(&image, &mitsuba, Some(&mask)).expect("they fit together");
-    println!("Mitsuba: relative RMSE {:.2} %, bias {:.2} %", 100.0 * metrics.rel_rmse, 100.0 * metrics.bias);
+    let metrics = akari_reference::metrics::compare(&image, &mitsuba, Some(&mask))
+        .expect("they fit together");
+    println!(
+        "Mitsuba: relative RMSE {:.2} %, bias {:.2} %",
+        100.0 * metrics.rel_rmse,
+        100.0 * metrics.bias
+    );
     assert!(metrics.bias.abs() < 0.01, "{}", metrics.bias);
     assert!(metrics.rel_rmse < 0.015, "{}", metrics.rel_rmse);
 }

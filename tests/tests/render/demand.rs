@@ -37,40 +37,96 @@ fn lights_come_and_go_with_their_passes_memory_and_pipelines() {
     let camera = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
 
     // A camera of plain Bevy with the same prepasses, for the pipelines that there are without us.
-    headless.app.world_mut().entity_mut(camera).insert((DepthPrepass, DeferredPrepass));
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert((DepthPrepass, DeferredPrepass));
     let dark = picture(&mut headless, camera);
     let without_us = pipelines(&headless);
 
-    headless.app.world_mut().entity_mut(camera).insert(AkariCamera);
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AkariCamera);
     let still_dark = picture(&mut headless, camera);
-    assert_eq!(pipelines(&headless), without_us, "no light: no pipeline more");
-    assert!(passes_of_three_frames(&mut headless).is_empty(), "no light: no pass");
-    assert!(headless.ledger().bytes_by_effect().is_empty(), "no light: no memory");
+    assert_eq!(
+        pipelines(&headless),
+        without_us,
+        "no light: no pipeline more"
+    );
+    assert!(
+        passes_of_three_frames(&mut headless).is_empty(),
+        "no light: no pass"
+    );
+    assert!(
+        headless.ledger().bytes_by_effect().is_empty(),
+        "no light: no memory"
+    );
     assert_eq!(dark, still_dark, "no light: the same picture");
-    let report = |headless: &Headless| headless.app.world().resource::<EffectReport>().get(EFFECT).cloned();
+    let report = |headless: &Headless| {
+        headless
+            .app
+            .world()
+            .resource::<EffectReport>()
+            .get(EFFECT)
+            .cloned()
+    };
     assert!(report(&headless).is_some_and(|state| !state.active && !state.reason.is_empty()));
 
-    let light = headless.app.world_mut().spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0)).id();
+    let light = headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0))
+        .id();
     let lit = picture(&mut headless, camera);
     assert!(rms(&lit) > rms(&dark) + 0.1, "the light shines");
-    assert_eq!(passes_of_three_frames(&mut headless), BTreeSet::from([CULL_LABEL, SHADE_LABEL]));
+    assert_eq!(
+        passes_of_three_frames(&mut headless),
+        BTreeSet::from([CULL_LABEL, SHADE_LABEL])
+    );
     assert!(headless.ledger().bytes_by_effect()[EFFECT] > 0);
     assert!(report(&headless).is_some_and(|state| state.active && state.reason.contains('1')));
-    let new: Vec<String> = pipelines(&headless).difference(&without_us).cloned().collect();
-    assert_eq!(new, [CULL_LABEL, SHADE_LABEL], "a polygonal light adds our two pipelines only");
+    let new: Vec<String> = pipelines(&headless)
+        .difference(&without_us)
+        .cloned()
+        .collect();
+    assert_eq!(
+        new,
+        [CULL_LABEL, SHADE_LABEL],
+        "a polygonal light adds our two pipelines only"
+    );
 
     // Hidden is as good as gone, and shown again it is back.
-    headless.app.world_mut().entity_mut(light).insert(Visibility::Hidden);
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .insert(Visibility::Hidden);
     assert_eq!(picture(&mut headless, camera), dark);
-    assert!(passes_of_three_frames(&mut headless).is_empty(), "a hidden light costs nothing");
-    headless.app.world_mut().entity_mut(light).insert(Visibility::Visible);
+    assert!(
+        passes_of_three_frames(&mut headless).is_empty(),
+        "a hidden light costs nothing"
+    );
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .insert(Visibility::Visible);
     assert_eq!(picture(&mut headless, camera), lit);
 
     headless.app.world_mut().despawn(light);
     let dark_again = picture(&mut headless, camera);
     assert_eq!(dark_again, dark);
-    assert!(passes_of_three_frames(&mut headless).is_empty(), "its passes are gone");
-    assert!(headless.ledger().bytes_by_effect().is_empty(), "its memory is freed");
+    assert!(
+        passes_of_three_frames(&mut headless).is_empty(),
+        "its passes are gone"
+    );
+    assert!(
+        headless.ledger().bytes_by_effect().is_empty(),
+        "its memory is freed"
+    );
     assert!(report(&headless).is_some_and(|state| !state.active));
 }
 
@@ -81,13 +137,24 @@ fn a_camera_that_does_not_ask_is_left_alone() {
     };
     spawn_floor_and_ball(&mut headless, StandardMaterial::default());
     let camera = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
-    headless.app.world_mut().spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0));
-    assert_eq!(rms(&picture(&mut headless, camera)), 0.0, "Bevy knows no polygonal light");
+    headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0));
+    assert_eq!(
+        rms(&picture(&mut headless, camera)),
+        0.0,
+        "Bevy knows no polygonal light"
+    );
     assert!(passes_of_three_frames(&mut headless).is_empty());
     assert!(headless.ledger().bytes_by_effect().is_empty());
 
     // Its settings on the camera are enough: they bring the rest with them.
-    headless.app.world_mut().entity_mut(camera).insert(AreaLighting::default());
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AreaLighting::default());
     assert!(rms(&picture(&mut headless, camera)) > 0.1);
     let world = headless.app.world();
     assert!(world.get::<AkariCamera>(camera).is_some());
@@ -102,8 +169,16 @@ fn images_cost_only_while_a_textured_light_is_there() {
     };
     spawn_floor_and_ball(&mut headless, StandardMaterial::default());
     let camera = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
-    headless.app.world_mut().entity_mut(camera).insert(AkariCamera);
-    let light = headless.app.world_mut().spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0)).id();
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AkariCamera);
+    let light = headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0))
+        .id();
     let plain = picture(&mut headless, camera);
     let plain_bytes = headless.ledger().bytes_by_effect()[EFFECT];
 
@@ -114,14 +189,36 @@ fn images_cost_only_while_a_textured_light_is_there() {
         bevy::render::render_resource::TextureFormat::Rgba8Unorm,
         bevy::asset::RenderAssetUsages::default(),
     );
-    let image = headless.app.world_mut().resource_mut::<Assets<Image>>().add(half_grey);
-    headless.app.world_mut().entity_mut(light).insert(AreaLightTexture::new(image));
+    let image = headless
+        .app
+        .world_mut()
+        .resource_mut::<Assets<Image>>()
+        .add(half_grey);
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .insert(AreaLightTexture::new(image));
     let textured = picture(&mut headless, camera);
-    assert!(headless.ledger().bytes_by_effect()[EFFECT] > plain_bytes, "the image takes memory");
+    assert!(
+        headless.ledger().bytes_by_effect()[EFFECT] > plain_bytes,
+        "the image takes memory"
+    );
     let ratio = rms(&textured) / rms(&plain);
-    assert!((ratio - 128.0 / 255.0).abs() < 2e-3, "a grey image dims the light by as much: {ratio}");
+    assert!(
+        (ratio - 128.0 / 255.0).abs() < 2e-3,
+        "a grey image dims the light by as much: {ratio}"
+    );
 
-    headless.app.world_mut().entity_mut(light).remove::<AreaLightTexture>();
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .remove::<AreaLightTexture>();
     assert_eq!(picture(&mut headless, camera), plain);
-    assert_eq!(headless.ledger().bytes_by_effect()[EFFECT], plain_bytes, "and gives it back");
+    assert_eq!(
+        headless.ledger().bytes_by_effect()[EFFECT],
+        plain_bytes,
+        "and gives it back"
+    );
 }

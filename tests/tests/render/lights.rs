@@ -14,26 +14,47 @@ fn lit_scene(name: &str, material: StandardMaterial) -> Option<(Headless, Entity
     let mut headless = headless_or_skip(name)?;
     spawn_floor_and_ball(&mut headless, material);
     let camera = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
-    headless.app.world_mut().entity_mut(camera).insert(AkariCamera);
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AkariCamera);
     Some((headless, camera))
 }
 
 #[test]
 fn a_rect_light_shines_once_and_as_a_polygon_does() {
-    let Some((mut headless, camera)) = lit_scene("a_rect_light_shines_once", StandardMaterial::default()) else {
+    let Some((mut headless, camera)) =
+        lit_scene("a_rect_light_shines_once", StandardMaterial::default())
+    else {
         return;
     };
     let position = Vec3::new(0.3, 3.0, -0.2);
-    let polygon = headless.app.world_mut().spawn(light_above(position, 1.2)).id();
+    let polygon = headless
+        .app
+        .world_mut()
+        .spawn(light_above(position, 1.2))
+        .id();
     let by_polygon = picture(&mut headless, camera);
     headless.app.world_mut().despawn(polygon);
-    let rect = headless.app.world_mut().spawn(rect_light_above(position, 1.2)).id();
+    let rect = headless
+        .app
+        .world_mut()
+        .spawn(rect_light_above(position, 1.2))
+        .id();
     let by_rect = picture(&mut headless, camera);
     let difference = largest_difference(&by_polygon, &by_rect);
-    assert!(f64::from(difference) < 2e-3 * rms(&by_polygon), "{difference}");
+    assert!(
+        f64::from(difference) < 2e-3 * rms(&by_polygon),
+        "{difference}"
+    );
 
     // What Bevy makes of it without us is another picture: that we replace it is seen.
-    headless.app.world_mut().entity_mut(camera).remove::<AkariCamera>();
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .remove::<AkariCamera>();
     let by_bevy = picture(&mut headless, camera);
     assert!(rms(&by_bevy) > 0.1, "Bevy's own lighting is back");
     assert!(f64::from(largest_difference(&by_bevy, &by_rect)) > 1e-3 * rms(&by_rect));
@@ -49,9 +70,17 @@ fn forward_materials_keep_bevys_lighting() {
     let Some((mut headless, camera)) = lit_scene("forward_materials", material) else {
         return;
     };
-    let light = headless.app.world_mut().spawn(rect_light_above(Vec3::new(0.0, 3.0, 0.0), 1.0)).id();
+    let light = headless
+        .app
+        .world_mut()
+        .spawn(rect_light_above(Vec3::new(0.0, 3.0, 0.0), 1.0))
+        .id();
     let with_us = picture(&mut headless, camera);
-    headless.app.world_mut().entity_mut(camera).remove::<AkariCamera>();
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .remove::<AkariCamera>();
     let bevy_alone = picture(&mut headless, camera);
     assert!(rms(&with_us) > 0.1);
     assert!(f64::from(largest_difference(&with_us, &bevy_alone)) < 1e-3 * rms(&bevy_alone));
@@ -60,7 +89,9 @@ fn forward_materials_keep_bevys_lighting() {
 
 #[test]
 fn sides_ranges_and_layers() {
-    let Some((mut headless, camera)) = lit_scene("sides_ranges_and_layers", StandardMaterial::default()) else {
+    let Some((mut headless, camera)) =
+        lit_scene("sides_ranges_and_layers", StandardMaterial::default())
+    else {
         return;
     };
     let position = Vec3::new(0.0, 3.0, 0.0);
@@ -75,28 +106,54 @@ fn sides_ranges_and_layers() {
         headless.app.world_mut().entity_mut(light).insert(bundle);
     };
     set(&mut headless, (square.clone(), up));
-    assert_eq!(rms(&picture(&mut headless, camera)), 0.0, "the back is dark");
+    assert_eq!(
+        rms(&picture(&mut headless, camera)),
+        0.0,
+        "the back is dark"
+    );
     set(&mut headless, (square.clone().two_sided(), up));
     let back = picture(&mut headless, camera);
-    assert!(f64::from(largest_difference(&front, &back)) < 1e-3 * rms(&front), "both sides shine alike");
+    assert!(
+        f64::from(largest_difference(&front, &back)) < 1e-3 * rms(&front),
+        "both sides shine alike"
+    );
 
     set(&mut headless, (square.clone().with_range(2.0), down));
     let near = picture(&mut headless, camera);
     assert!(rms(&near) < rms(&front));
     set(&mut headless, (square.clone().with_range(0.5), down));
-    assert_eq!(rms(&picture(&mut headless, camera)), 0.0, "nothing is within half a metre");
+    assert_eq!(
+        rms(&picture(&mut headless, camera)),
+        0.0,
+        "nothing is within half a metre"
+    );
     set(&mut headless, (square.clone().with_range(1e9), down));
     let far = picture(&mut headless, camera);
-    assert!(f64::from(largest_difference(&front, &far)) < 1e-3 * rms(&front), "a range beyond everything");
+    assert!(
+        f64::from(largest_difference(&front, &far)) < 1e-3 * rms(&front),
+        "a range beyond everything"
+    );
 
     set(&mut headless, (square.clone(), down));
-    headless.app.world_mut().entity_mut(light).insert(RenderLayers::layer(3));
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .insert(RenderLayers::layer(3));
     assert_eq!(rms(&picture(&mut headless, camera)), 0.0, "another layer");
-    headless.app.world_mut().entity_mut(light).remove::<RenderLayers>();
+    headless
+        .app
+        .world_mut()
+        .entity_mut(light)
+        .remove::<RenderLayers>();
     assert_eq!(picture(&mut headless, camera), front);
 
     // Two lights are the sum of each.
-    let other = headless.app.world_mut().spawn(light_above(Vec3::new(1.5, 2.0, 0.5), 0.5)).id();
+    let other = headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(1.5, 2.0, 0.5), 0.5))
+        .id();
     let both = picture(&mut headless, camera);
     headless.app.world_mut().despawn(light);
     let second = picture(&mut headless, camera);
@@ -115,7 +172,10 @@ fn a_viewport_shows_what_the_whole_image_would() {
     let Some((mut headless, camera)) = lit_scene("a_viewport", StandardMaterial::default()) else {
         return;
     };
-    headless.app.world_mut().spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0));
+    headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0));
     let whole = picture(&mut headless, camera);
     // The same picture at the same size, but moved by an odd number of pixels within a larger image.
     let large = spawn_camera(&mut headless, 96, Vec3::new(0.0, 2.0, 4.0));
@@ -146,19 +206,38 @@ fn a_viewport_shows_what_the_whole_image_would() {
 
 #[test]
 fn culling_changes_nothing_but_the_cost() {
-    let Some((mut headless, camera)) = lit_scene("culling_changes_nothing", StandardMaterial::default()) else {
+    let Some((mut headless, camera)) =
+        lit_scene("culling_changes_nothing", StandardMaterial::default())
+    else {
         return;
     };
-    headless.app.world_mut().insert_resource(CollectCounters(true));
+    headless
+        .app
+        .world_mut()
+        .insert_resource(CollectCounters(true));
     let bright = spawn_grid_of_lights(&mut headless, 1.0);
     let settings = AreaLighting::default();
-    headless.app.world_mut().entity_mut(camera).insert(AreaLighting { culling: true, ..settings });
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AreaLighting {
+            culling: true,
+            ..settings
+        });
     let culled = picture(&mut headless, camera);
     for _ in 0..3 {
         headless.step().expect("it renders");
     }
     let kept = headless.ledger().counters()["area light tile pairs kept"];
-    headless.app.world_mut().entity_mut(camera).insert(AreaLighting { culling: false, ..settings });
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AreaLighting {
+            culling: false,
+            ..settings
+        });
     let full = picture(&mut headless, camera);
     for _ in 0..3 {
         headless.step().expect("it renders");
@@ -167,7 +246,10 @@ fn culling_changes_nothing_but_the_cost() {
     assert!(rms(&full) > 0.01, "the lights shine");
     let difference = largest_difference(&culled, &full);
     assert!(f64::from(difference) <= 1e-5 * rms(&full), "{difference}");
-    assert!(kept * 10 <= all, "{kept} of {all} pairs of light and tile are left");
+    assert!(
+        kept * 10 <= all,
+        "{kept} of {all} pairs of light and tile are left"
+    );
     assert_eq!(bright.len(), 1024);
 
     // Without a range the cutoff bounds what is lost, whatever it drops.
@@ -178,19 +260,30 @@ fn culling_changes_nothing_but_the_cost() {
         }
     }
     let cutoff = 1.0;
-    headless.app.world_mut().entity_mut(camera).insert(AreaLighting {
-        contribution_cutoff: cutoff,
-        ..settings
-    });
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AreaLighting {
+            contribution_cutoff: cutoff,
+            ..settings
+        });
     let cut = picture(&mut headless, camera);
     for _ in 0..3 {
         headless.step().expect("it renders");
     }
-    assert!(headless.ledger().counters()["area light tile pairs below the cutoff"] > 0, "something is dropped");
-    headless.app.world_mut().entity_mut(camera).insert(AreaLighting {
-        contribution_cutoff: 0.0,
-        ..settings
-    });
+    assert!(
+        headless.ledger().counters()["area light tile pairs below the cutoff"] > 0,
+        "something is dropped"
+    );
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AreaLighting {
+            contribution_cutoff: 0.0,
+            ..settings
+        });
     let uncut = picture(&mut headless, camera);
     let lost = largest_difference(&cut, &uncut);
     // Half precision of the target on top of the bound.
@@ -199,13 +292,21 @@ fn culling_changes_nothing_but_the_cost() {
 
 /// 32 × 32 lights of 2 cm close above the floor, each reaching `range` metres.
 fn spawn_grid_of_lights(headless: &mut Headless, range: f32) -> Vec<Entity> {
-    let light = PolygonLight::rectangle(0.02, 0.02).with_luminance(50.0).with_range(range * 0.35);
+    let light = PolygonLight::rectangle(0.02, 0.02)
+        .with_luminance(50.0)
+        .with_range(range * 0.35);
     let mut lights = Vec::new();
     for row in 0..32 {
         for column in 0..32 {
             let position = Vec3::new(column as f32 * 0.25 - 3.9, 0.15, row as f32 * 0.25 - 3.9);
             let transform = Transform::from_translation(position).looking_to(Vec3::NEG_Y, Vec3::X);
-            lights.push(headless.app.world_mut().spawn((light.clone(), transform)).id());
+            lights.push(
+                headless
+                    .app
+                    .world_mut()
+                    .spawn((light.clone(), transform))
+                    .id(),
+            );
         }
     }
     lights
@@ -213,7 +314,8 @@ fn spawn_grid_of_lights(headless: &mut Headless, range: f32) -> Vec<Entity> {
 
 #[test]
 fn degenerate_lights_shine_not_at_all() {
-    let Some((mut headless, camera)) = lit_scene("degenerate_lights", StandardMaterial::default()) else {
+    let Some((mut headless, camera)) = lit_scene("degenerate_lights", StandardMaterial::default())
+    else {
         return;
     };
     let down = Transform::from_xyz(0.0, 3.0, 0.0).looking_to(Vec3::NEG_Y, Vec3::NEG_Z);
@@ -226,11 +328,17 @@ fn degenerate_lights_shine_not_at_all() {
     for light in [point, line, bow_tie, not_a_number, negative, infinite] {
         headless.app.world_mut().spawn((light, down));
     }
-    headless.app.world_mut().spawn((RectLight { width: 0.0, ..default() }, down));
-    headless
-        .app
-        .world_mut()
-        .spawn((PolygonLight::default(), down.with_scale(Vec3::new(1.0, 0.0, 1.0))));
+    headless.app.world_mut().spawn((
+        RectLight {
+            width: 0.0,
+            ..default()
+        },
+        down,
+    ));
+    headless.app.world_mut().spawn((
+        PolygonLight::default(),
+        down.with_scale(Vec3::new(1.0, 0.0, 1.0)),
+    ));
     let image = picture(&mut headless, camera);
     assert_eq!((rms(&image), non_finite_pixels(&image)), (0.0, 0));
 }

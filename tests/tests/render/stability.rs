@@ -30,19 +30,54 @@ fn cases() -> Vec<Case> {
     };
     vec![
         case("ordinary", light(1.0), down(3.0), true),
-        case("through the shading points", light(3.0), Transform::from_xyz(0.0, 0.0, 0.0), true),
-        case("on the plane of the floor", light(3.0).two_sided(), down(0.0), true),
+        case(
+            "through the shading points",
+            light(3.0),
+            Transform::from_xyz(0.0, 0.0, 0.0),
+            true,
+        ),
+        case(
+            "on the plane of the floor",
+            light(3.0).two_sided(),
+            down(0.0),
+            true,
+        ),
         case("a hair above the floor", light(3.0), down(1e-6), true),
-        case("edge on to the floor", light(1.0).two_sided(), Transform::from_xyz(0.0, 0.5, -1.0), true),
+        case(
+            "edge on to the floor",
+            light(1.0).two_sided(),
+            Transform::from_xyz(0.0, 0.5, -1.0),
+            true,
+        ),
         case("1 km wide", light(1e3), down(3.0), true),
         case("1 km wide and far", light(1e3), down(1e3), true),
-        case("1 mm wide", light(1e-3).with_luminance(1e6), down(3.0), true),
-        case("a sliver", PolygonLight::rectangle(4.0, 1e-5).with_luminance(1e5), down(2.0), true),
-        case("two-sided, inside the ball", light(0.5).two_sided(), down(0.9), true),
+        case(
+            "1 mm wide",
+            light(1e-3).with_luminance(1e6),
+            down(3.0),
+            true,
+        ),
+        case(
+            "a sliver",
+            PolygonLight::rectangle(4.0, 1e-5).with_luminance(1e5),
+            down(2.0),
+            true,
+        ),
+        case(
+            "two-sided, inside the ball",
+            light(0.5).two_sided(),
+            down(0.9),
+            true,
+        ),
         Case {
             name: "seen straight down",
             camera_at: Vec3::new(0.0, 4.0, 0.0),
-            ..case("", light(1.0), Transform::from_xyz(1.0, 3.0, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z), true)
+            ..case(
+                "",
+                light(1.0),
+                Transform::from_xyz(1.0, 3.0, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z),
+                true,
+            )
         },
         Case {
             name: "100 km from the origin",
@@ -93,12 +128,17 @@ fn every_pixel_is_finite_and_bounded() {
                 .data
                 .iter()
                 .flat_map(|pixel| &pixel[..3])
-                .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+                .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| {
+                    (low.min(*value), high.max(*value))
+                });
             assert!(low >= 0.0, "{what}: {low}");
             // No surface reflects more than it gets; the coat comes on top with its own share.
             let bound = 2.1 * case.light.luminance;
             assert!(high <= bound, "{what}: {high} of {bound}");
-            if case.lit && !material_name.starts_with("metal, roughness 0") && !material_name.contains("1e-4") {
+            if case.lit
+                && !material_name.starts_with("metal, roughness 0")
+                && !material_name.contains("1e-4")
+            {
                 assert!(high > 0.0, "{what}: black");
             }
             looked_at += 1;
@@ -107,7 +147,11 @@ fn every_pixel_is_finite_and_bounded() {
     assert_eq!(looked_at, materials().len() * cases().len());
 }
 
-fn draw(headless: &mut Headless, case: &Case, material: StandardMaterial) -> bevy_akari::headless::ReadImage {
+fn draw(
+    headless: &mut Headless,
+    case: &Case,
+    material: StandardMaterial,
+) -> bevy_akari::headless::ReadImage {
     let mut things = spawn_floor_and_ball(headless, material);
     let camera = spawn_camera(headless, 48, case.camera_at);
     let world = headless.app.world_mut();
@@ -138,7 +182,11 @@ fn a_light_sinks_through_the_horizon_without_a_jump() {
     };
     spawn_floor_and_ball(&mut headless, material);
     let camera = spawn_camera(&mut headless, 48, Vec3::new(0.0, 2.0, 4.0));
-    headless.app.world_mut().entity_mut(camera).insert(AkariCamera);
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AkariCamera);
     // A standing light, facing the camera, that sinks into the floor.
     let light = headless
         .app

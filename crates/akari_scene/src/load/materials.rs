@@ -83,29 +83,55 @@ impl<'a> From<gltf::texture::Info<'a>> for Slot<'a> {
 impl<'a> From<gltf::material::NormalTexture<'a>> for Slot<'a> {
     /// The `gltf` crate leaves this slot's transform as JSON.
     fn from(info: gltf::material::NormalTexture<'a>) -> Self {
-        let json = info.extension_value("KHR_texture_transform");
+        let transform = info.extension_value("KHR_texture_transform");
+        Self::from_json(info.texture(), info.tex_coord(), transform)
+    }
+}
+
+impl<'a> Slot<'a> {
+    /// A slot whose `KHR_texture_transform` is still JSON.
+    fn from_json(texture: gltf::Texture<'a>, tex_coord: u32, transform: Option<&Value>) -> Self {
         let number = |v: &Value| v.as_f64().map(|x| x as f32);
         let pair = |key: &str, default: f32| {
-            let list = json.and_then(|j| j.get(key)).and_then(Value::as_array);
+            let list = transform.and_then(|j| j.get(key)).and_then(Value::as_array);
             [0, 1].map(|k| {
                 list.and_then(|l| l.get(k))
                     .and_then(number)
                     .unwrap_or(default)
             })
         };
-        let rotation = json
+        let rotation = transform
             .and_then(|j| j.get("rotation"))
             .and_then(number)
             .unwrap_or(0.0);
-        let tex_coord = json
+        let moved_tex_coord = transform
             .and_then(|j| j.get("texCoord"))
             .and_then(Value::as_u64)
             .and_then(|t| u32::try_from(t).ok());
         Self {
-            tex_coord: tex_coord.unwrap_or(info.tex_coord()),
+            tex_coord: moved_tex_coord.unwrap_or(tex_coord),
             transform: affine(pair("offset", 0.0), rotation, pair("scale", 1.0)),
-            texture: info.texture(),
+            texture,
         }
+    }
+
+    /// The slot `key` of a material extension that is still JSON. Nothing where it is absent or names no texture.
+    fn of_extension(
+        document: &'a gltf::Document,
+        extension: Option<&Value>,
+        key: &str,
+    ) -> Option<Self> {
+        let info = extension?.get(key)?;
+        let index = usize::try_from(info.get("index")?.as_u64()?).ok()?;
+        let tex_coord = info.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
+        let transform = info
+            .get("extensions")
+            .and_then(|e| e.get("KHR_texture_transform"));
+        Some(Self::from_json(
+            document.textures().nth(index)?,
+            u32::try_from(tex_coord).unwrap_or(0),
+            transform,
+        ))
     }
 }
 
@@ -116,12 +142,14 @@ fn convert(
     index: usize,
 ) -> Result<Material, SceneError> {
     let place = format!("material {}", label(material.name(), index));
+    let document = loader.document;
     let mut texture = |slot: Option<Slot>, use_name: &str, color_space: ColorSpace| {
         slot.map(|slot| convert_slot(loader, pool, slot, &place, use_name, color_space))
             .transpose()
     };
     let pbr = material.pbr_metallic_roughness();
-    let specular = material.specular();
+    // Read as JSON: if the `gltf` crate parsed it, Bevy's loader, which shares that crate, would no longer see it.
+    let specular = material.extension_value("KHR_materials_specular");
     let base_color_texture = texture(
         pbr.base_color_texture().map(Slot::from),
         "baseColorTexture",
@@ -143,18 +171,12 @@ fn convert(
         ColorSpace::Srgb,
     )?;
     let specular_texture = texture(
-        specular
-            .as_ref()
-            .and_then(gltf::material::Specular::specular_texture)
-            .map(Slot::from),
+        Slot::of_extension(document, specular, "specularTexture"),
         "specularTexture",
         ColorSpace::Linear,
     )?;
     let specular_color_texture = texture(
-        specular
-            .as_ref()
-            .and_then(gltf::material::Specular::specular_color_texture)
-            .map(Slot::from),
+        Slot::of_extension(document, specular, "specularColorTexture"),
         "specularColorTexture",
         ColorSpace::Srgb,
     )?;
@@ -201,13 +223,20 @@ fn convert(
     );
     let metallic = within(pbr.metallic_factor(), 0.0, 1.0, "metallicFactor");
     let roughness = within(pbr.roughness_factor(), 0.0, 1.0, "roughnessFactor");
+    let number = |v: &Value| v.as_f64().map(|x| x as f32);
     let specular_factor = specular
-        .as_ref()
-        .map_or(1.0, gltf::material::Specular::specular_factor);
+        .and_then(|s| s.get("specularFactor"))
+        .and_then(number)
+        .unwrap_or(1.0);
     let specular_factor = within(specular_factor, 0.0, 1.0, "specularFactor");
-    let specular_color = specular
-        .as_ref()
-        .map_or([1.0; 3], gltf::material::Specular::specular_color_factor)
+    let specular_color = [0, 1, 2]
+        .map(|k| {
+            specular
+                .and_then(|s| s.get("specularColorFactor"))
+                .and_then(|c| c.get(k))
+                .and_then(number)
+                .unwrap_or(1.0)
+        })
         .map(|c| within(c, 0.0, 1e6, "specularColorFactor"));
     // 0 is the extension's special value for "no Fresnel"; below 1 there is no such dielectric.
     let ior = within(material.ior().unwrap_or(1.5), 1.0, 100.0, "ior");

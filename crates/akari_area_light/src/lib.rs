@@ -1,6 +1,6 @@
 //! Polygonal, textured area lights on GGX for Bevy, by linearly transformed cosines.
 //!
-//! **What**: direct light of Bevy's [`RectLight`](bevy::light::RectLight) and of [`PolygonLight`](light::PolygonLight)
+//! **What**: direct light of Bevy's [`RectLight`] and of [`PolygonLight`](light::PolygonLight)
 //! (any polygon, disks, one- or two-sided, with an image) on opaque deferred [`StandardMaterial`]s; free of noise.
 //!
 //! **Method**: Heitz, Dupuy, Hill, Neubelt 2016, "Real-Time Polygonal-Light Shading with Linearly Transformed Cosines",

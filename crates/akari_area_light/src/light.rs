@@ -1,4 +1,4 @@
-//! The lights that users put into a scene, next to Bevy's [`RectLight`](bevy::light::RectLight).
+//! The lights that users put into a scene, next to Bevy's [`RectLight`].
 
 use bevy::math::Affine2;
 use bevy::prelude::*;

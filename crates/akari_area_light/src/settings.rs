@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// How the area lights of a view are drawn.
 ///
 /// On a camera it switches area lighting on for that camera (and brings
-/// [`AkariCamera`](akari_render::camera::AkariCamera) with it). Every other `AkariCamera` takes the settings of
+/// [`AkariCamera`] with it). Every other `AkariCamera` takes the settings of
 /// [`DefaultAreaLighting`].
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ pub struct AreaLighting {
     pub culling: bool,
 }
 
-/// Settings of every camera that has an [`AkariCamera`](akari_render::camera::AkariCamera) but no [`AreaLighting`].
+/// Settings of every camera that has an [`AkariCamera`] but no [`AreaLighting`].
 #[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Reflect)]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
 pub struct DefaultAreaLighting(pub AreaLighting);

@@ -240,11 +240,13 @@ mod tests {
             assert!((area - 2.0).abs() < 1e-5);
             for cell in &arrays.lights {
                 assert_eq!(cell.range_center_ws, light.center);
-                assert!((cell.layer_area - 2.0).abs() < 1e-5);
-                let expected = Vec2::new(
+                // The light fills the middle of the layer, whose sides are twice as long.
+                assert!((cell.layer_area - 8.0).abs() < 1e-4);
+                let on_light = Vec2::new(
                     (cell.center_ws.x - light.center.x + 1.0) / 2.0,
                     cell.center_ws.y - light.center.y + 0.5,
                 );
+                let expected = (on_light + LAYER_MARGIN) / (1.0 + 2.0 * LAYER_MARGIN);
                 let layer = Vec2::new(cell.texture_u.w, cell.texture_v.w);
                 assert!(layer.abs_diff_eq(expected, 1e-5), "{layer} {expected}");
             }
@@ -265,9 +267,13 @@ mod tests {
         for vertex in &arrays.vertices {
             let u = gpu.texture_u.truncate().dot(vertex.truncate()) + gpu.texture_u.w;
             let v = gpu.texture_v.truncate().dot(vertex.truncate()) + gpu.texture_v.w;
-            assert!((0.0..=1.0).contains(&u.clamp(-1e-6, 1.0)), "{u}");
-            assert!(u.abs() < 1e-5 || (u - 1.0).abs() < 1e-5, "{u}");
-            assert!(v.abs() < 1e-5 || (v - 1.0).abs() < 1e-5, "{v}");
+            // The margin is half the light's size on each side: its corners lie at a quarter and three quarters.
+            for coordinate in [u, v] {
+                assert!(
+                    ((coordinate - 0.5).abs() - 0.25).abs() < 1e-5,
+                    "{coordinate}"
+                );
+            }
         }
     }
 

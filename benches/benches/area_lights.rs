@@ -2,7 +2,7 @@
 //! error-against-time curve of the knobs, and the price of many lights with and without culling.
 //!
 //! `cargo bench -p bevy_akari_benches --bench area_lights` after `cargo build --release --bin akari`; times are GPU
-//! spans of the adapter named first, side by side in one run.
+//! spans of the adapter named first, side by side in one run. Parts: `-- errors`, `-- textured`, `-- many`.
 
 use bevy::prelude::*;
 use bevy_akari::headless::Headless;
@@ -26,9 +26,21 @@ fn main() {
         return;
     };
     println!("adapter: {}\n", headless.adapter());
-    errors_beside_bevy();
-    textured_curve();
-    many_lights(&mut headless);
+    // Parts can be named on the command line; `cargo bench` adds options of its own, which are none.
+    let named: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|part| !part.starts_with('-'))
+        .collect();
+    let wanted = |part: &str| named.is_empty() || named.iter().any(|name| name == part);
+    if wanted("errors") {
+        errors_beside_bevy();
+    }
+    if wanted("textured") {
+        textured_curve();
+    }
+    if wanted("many") {
+        many_lights(&mut headless);
+    }
 }
 
 fn percent(value: f64) -> String {

@@ -341,4 +341,12 @@ fn degenerate_lights_shine_not_at_all() {
     ));
     let image = picture(&mut headless, camera);
     assert_eq!((rms(&image), non_finite_pixels(&image)), (0.0, 0));
+
+    // The passes do run among them: a good light is seen.
+    headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0));
+    let lit = picture(&mut headless, camera);
+    assert!(rms(&lit) > 0.1 && non_finite_pixels(&lit) == 0);
 }

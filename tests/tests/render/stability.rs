@@ -187,13 +187,13 @@ fn a_light_sinks_through_the_horizon_without_a_jump() {
         .world_mut()
         .entity_mut(camera)
         .insert(AkariCamera);
-    // A standing light, facing the camera, that sinks into the floor.
+    // A standing light before the ball, on the camera's side of it, that sinks into the floor.
     let light = headless
         .app
         .world_mut()
         .spawn((
             PolygonLight::rectangle(1.0, 1.0).with_luminance(20.0),
-            Transform::from_xyz(0.0, 0.0, -2.0).looking_to(Vec3::Z, Vec3::Y),
+            Transform::from_xyz(0.0, 0.0, 2.0).looking_to(Vec3::NEG_Z, Vec3::Y),
         ))
         .id();
     let mut last = None;
@@ -205,6 +205,10 @@ fn a_light_sinks_through_the_horizon_without_a_jump() {
         }
         let image = picture(&mut headless, camera);
         assert_eq!(non_finite_pixels(&image), 0);
+        assert!(
+            rms(&image) > 1e-2,
+            "the ball is still lit from below: there is something to jump"
+        );
         if let Some(last) = &last {
             let jump = largest_difference(last, &image);
             assert!(jump < 2e-3, "a jump of {jump} at {height}");

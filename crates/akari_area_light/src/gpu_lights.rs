@@ -131,12 +131,6 @@ fn push_cells(
     } else {
         1.0 / ((1.0 + 2.0 * LAYER_MARGIN) * cells as f32)
     };
-    // The map from the plane to layer coordinates scales areas by |∇u × ∇v|.
-    gpu.layer_area = gradient_u
-        .cross(gradient_v)
-        .length()
-        .max(f32::MIN_POSITIVE)
-        .recip();
 
     let corners: Vec<Corner> = light
         .vertices
@@ -240,8 +234,6 @@ mod tests {
             assert!((area - 2.0).abs() < 1e-5);
             for cell in &arrays.lights {
                 assert_eq!(cell.range_center_ws, light.center);
-                // The light fills the middle of the layer, whose sides are twice as long.
-                assert!((cell.layer_area - 8.0).abs() < 1e-4);
                 let on_light = Vec2::new(
                     (cell.center_ws.x - light.center.x + 1.0) / 2.0,
                     cell.center_ws.y - light.center.y + 0.5,

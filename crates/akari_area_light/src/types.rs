@@ -45,8 +45,6 @@ pub struct GpuAreaLight {
     pub render_layers: u32,
     /// Layer of the texture array, or [`NO_TEXTURE`].
     pub texture_layer: u32,
-    /// Area of the light that the whole layer covers, m²; 0 without an image.
-    pub layer_area: f32,
     /// Side of the cell in layer coordinates: the widest filter that a look-up of this cell may use.
     pub cell_size: f32,
 }

@@ -23,7 +23,6 @@ struct AreaLight {
     vertex_count: u32,
     render_layers: u32,
     texture_layer: u32,
-    layer_area: f32,
     cell_size: f32,
 }
 

@@ -530,7 +530,6 @@ fn marked_light() -> (GpuAreaLight, Vec<(&'static str, u32)>) {
         vertex_count: 12,
         render_layers: 13,
         texture_layer: 14,
-        layer_area: 15.0,
         cell_size: 16.0,
     };
     let fields = vec![
@@ -548,7 +547,6 @@ fn marked_light() -> (GpuAreaLight, Vec<(&'static str, u32)>) {
         ("vertex_count", 12),
         ("render_layers", 13),
         ("texture_layer", 14),
-        ("layer_area", 15.0_f32.to_bits()),
         ("cell_size", 16.0_f32.to_bits()),
     ];
     (light, fields)
@@ -589,7 +587,7 @@ fn another_layout_is_noticed() {
         "radius: f32,\n    center_ws: vec3<f32>,",
         1,
     );
-    let wider = TYPES.replacen("cell_size: f32,", "cell_size: vec4<f32>,", 1);
+    let wider = TYPES.replacen("cell_size: f32,", "cell_size: array<vec4<f32>, 2>,", 1);
     let mut marks = fields.clone();
     marks[3].1 = 5;
     for (source, fields) in [

@@ -2,6 +2,7 @@
 
 // Twin: `ggx.rs`, where the formulas, domains, error bounds and sources are. Change both or neither.
 
+#import akari_math::frame::{shading_frame}
 #import akari_math::special::{TINY, safe_normalize}
 
 const INV_PI: f32 = 0.31830989;
@@ -17,6 +18,13 @@ const SHARPNESS_PER_ALPHA: f32 = 1.8;
 struct ReflectionLobe {
     axis: vec3<f32>,
     inverse_sharpness: f32,
+}
+
+// Elliptic SG lobe of a GGX reflection: inverse sharpness along the tangent and across it.
+struct AnisotropicLobe {
+    axis: vec3<f32>,
+    tangent: vec3<f32>,
+    variance: vec2<f32>,
 }
 
 // GGX distribution of normals, in 1 / sr.
@@ -83,5 +91,27 @@ fn ggx_reflection_lobe(normal: vec3<f32>, view: vec3<f32>, alpha: f32) -> Reflec
     return ReflectionLobe(
         safe_normalize(2.0 * v_dot_m * m - view, normal),
         alpha_squared / max(sharpness_over, TINY),
+    );
+}
+
+// The same after Wang et al. 2009: the mirrored view, sharpness 2 / alpha^2 / (4 |n.v|).
+fn ggx_reflection_lobe_wang(normal: vec3<f32>, view: vec3<f32>, alpha: f32) -> ReflectionLobe {
+    let cosine = dot(normal, view);
+    return ReflectionLobe(
+        safe_normalize(2.0 * cosine * normal - view, normal),
+        2.0 * alpha * alpha * abs(cosine),
+    );
+}
+
+// `ggx_reflection_lobe`, stretched along the plane of incidence by the Jacobian of the half vector.
+fn ggx_anisotropic_lobe(normal: vec3<f32>, view: vec3<f32>, alpha: f32) -> AnisotropicLobe {
+    let m = ggx_dominant_visible_normal(normal, view, alpha);
+    let lobe = ggx_reflection_lobe(normal, view, alpha);
+    let frame = shading_frame(normal, view);
+    let stretch = clamp(dot(view, m), MIN_V_DOT_M, 1.0);
+    return AnisotropicLobe(
+        lobe.axis,
+        safe_normalize(cross(frame[1], lobe.axis), frame[0]),
+        vec2<f32>(lobe.inverse_sharpness / stretch, lobe.inverse_sharpness * stretch),
     );
 }

@@ -21,17 +21,22 @@
 )]
 
 pub mod area_light;
+pub mod directional_albedo;
 pub mod form_factor;
 pub mod frame;
 pub mod ggx;
 pub mod light_image;
 pub mod lobe_packing;
+pub mod lobe_weight;
 pub mod ltc;
+pub mod ndf_filter;
 pub mod octahedral;
 pub mod oracle;
 pub mod outline;
 pub mod polygon;
+pub mod reprojection;
 pub mod sg;
+pub mod signal_packing;
 pub mod special;
 pub mod tile_bounds;
 
@@ -48,6 +53,20 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ),
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
+    ("akari_math::lobe_weight", include_str!("lobe_weight.wgsl")),
+    ("akari_math::ndf_filter", include_str!("ndf_filter.wgsl")),
+    (
+        "akari_math::signal_packing",
+        include_str!("signal_packing.wgsl"),
+    ),
+    (
+        "akari_math::reprojection",
+        include_str!("reprojection.wgsl"),
+    ),
+    (
+        "akari_math::directional_albedo",
+        include_str!("directional_albedo.wgsl"),
+    ),
     ("akari_math::polygon", include_str!("polygon.wgsl")),
     ("akari_math::form_factor", include_str!("form_factor.wgsl")),
     ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),

@@ -1,0 +1,322 @@
+//! Weights of the joint bilateral filters, as logarithms.
+//!
+//! A filter's weight is the product of many terms. Each function here returns the logarithm of one, at most 0; they are
+//! added up, and [`combined_weight`] takes the one exponential. Every weight is 1 of a pixel with itself, symmetric in
+//! its two pixels, and in `[0, 1]`. No term is infinite, so that sums of them can be compared even where all weights
+//! vanish, and the tap with the largest sum is the best match.
+//!
+//! A lobe is an axis ξ and an inverse sharpness `v = 1/λ`: 0 for a mirror, ≈ 0.5 for a diffuse surface. `κ` is the
+//! sharpness of the Gaussian by which lobes are smoothed before they are compared, given as `1/κ`, 0 for none:
+//! `v̄ = v + 1/κ`. The weight of two lobes is the L2 cosine of their smoothed distributions to the power of β.
+//! Tokuyoshi 2015, "Specular Lobe-Aware Filtering and Upsampling for Interactive Indirect Illumination".
+//!
+//! WGSL module: `akari_math::lobe_weight`.
+
+use crate::special::{TINY, one_minus_exp_neg_over_x, safe_normalize};
+use glam::{Vec2, Vec3};
+
+/// Inverse sharpness of the spherical Gaussian nearest to the clamped cosine, 1/2.133 (Wang et al. 2009).
+pub const DIFFUSE_INVERSE_SHARPNESS: f32 = 0.468_823_25;
+/// Narrowest lobe that is told from a mirror: its width, 1e-6 rad, is 15 times the rounding of a unit vector.
+pub const MIN_INVERSE_SHARPNESS: f32 = 1e-12;
+/// Widest lobe that is told from a uniform one.
+pub const MAX_INVERSE_SHARPNESS: f32 = 1e15;
+/// Smoothed inverse sharpness up to which [`lobe_log_weight_auto`] is the approximation: λ = 10.
+pub const APPROXIMATE_BELOW: f32 = 0.1;
+/// Smoothed inverse sharpness from which [`lobe_log_weight_auto`] is exact: λ = 5.
+pub const EXACT_ABOVE: f32 = 0.2;
+/// Floor of variances of a signal, in its units squared.
+const MIN_VARIANCE: f32 = 1e-20;
+/// Largest distance in standard deviations: its square is finite, and its weight is 0 for any exponent in use.
+const MAX_DEVIATIONS: f32 = 1e6;
+/// Floor of the screen Gaussian's variance, in pixels squared: the next pixel's weight is 0.
+const MIN_SCREEN_VARIANCE: f32 = 1e-4;
+/// Largest difference of radiance that is told from a larger one.
+const MAX_RADIANCE_DIFFERENCE: f32 = 1e9;
+/// Floor of the squared floor of a radiance guide.
+const MIN_RADIANCE_FLOOR_SQUARED: f32 = 1e-12;
+/// Logarithm below which a weight is 0.
+const MIN_LOG_WEIGHT: f32 = -80.0;
+
+/// `log(1 − u)` for `u` in `[0, 1]`, given with `1 − u` so that both ends keep their digits; finite.
+#[must_use]
+pub fn log_one_minus(u: f32, one_minus_u: f32) -> f32 {
+    if u < 0.5 {
+        // -2 atanh(u / (2 - u)), by its series.
+        let t = u / (2.0 - u);
+        let s = t * t;
+        return -2.0
+            * t
+            * (1.0
+                + s * (1.0 / 3.0
+                    + s * (1.0 / 5.0
+                        + s * (1.0 / 7.0
+                            + s * (1.0 / 9.0 + s * (1.0 / 11.0 + s * (1.0 / 13.0)))))));
+    }
+    one_minus_u.max(TINY).ln()
+}
+
+/// Langevin's function `coth y − 1/y`, the derivative of `log(sinh y / y)`, for `y ≥ 0`.
+#[must_use]
+pub fn langevin(y: f32) -> f32 {
+    if y < 2.0 {
+        // Lambert's continued fraction y/(3 + y²/(5 + y²/(7 + y²/(9 + y²/(11 + y²/13))))), which all terms of are positive.
+        let z = y * y;
+        return y / (3.0 + z / (5.0 + z / (7.0 + z / (9.0 + z / (11.0 + z / 13.0)))));
+    }
+    let tail = (-2.0 * y).exp();
+    1.0 + 2.0 * tail / (1.0 - tail) - 1.0 / y
+}
+
+/// `log(sinh m / m) − log(sinh x / x)` for `x = m − a`, `0 ≤ a ≤ m`.
+#[must_use]
+pub fn log_sinhc_difference(m: f32, a: f32) -> f32 {
+    let x = m - a;
+    if a < 1.0 {
+        if m < 10.0 {
+            // Three Gauss nodes over the derivative: no difference of near numbers.
+            let outer = langevin(x + 0.112_701_665 * a) + langevin(x + 0.887_298_33 * a);
+            return a * (0.277_777_78 * outer + 0.444_444_44 * langevin(x + 0.5 * a));
+        }
+        // exp(-2 x) is below 2e-8.
+        return a + log_one_minus(a / m, x / m);
+    }
+    a + (one_minus_exp_neg_over_x(2.0 * m) / one_minus_exp_neg_over_x(2.0 * x))
+        .max(TINY)
+        .ln()
+}
+
+/// The inverse sharpness of a lobe within the range that the weights tell apart.
+#[must_use]
+pub fn bounded_inverse_sharpness(inverse_sharpness: f32) -> f32 {
+    inverse_sharpness
+        .max(MIN_INVERSE_SHARPNESS)
+        .min(MAX_INVERSE_SHARPNESS)
+}
+
+/// Logarithm of the weight of two lobes, `β (½ log(1 − r²) − ½ |ξᵢ − ξⱼ|²/S)`, `S = v̄ᵢ + v̄ⱼ`, `r = (vᵢ − vⱼ)/S`.
+///
+/// Tokuyoshi 2015, sec. 3.
+#[must_use]
+pub fn lobe_log_weight(
+    axis_i: Vec3,
+    v_i: f32,
+    axis_j: Vec3,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
+    let a = bounded_inverse_sharpness(v_i);
+    let b = bounded_inverse_sharpness(v_j);
+    let sum = (a + b) + 2.0 * inverse_kappa;
+    let r = (a - b) / sum;
+    let product = 4.0 * ((a + inverse_kappa) / sum) * ((b + inverse_kappa) / sum);
+    let offset = axis_i - axis_j;
+    0.5 * beta * (log_one_minus(r * r, product) - offset.dot(offset) / sum)
+}
+
+/// Logarithm of the weight of two lobes, by the exact integral of the product of spherical Gaussians.
+#[must_use]
+pub fn lobe_log_weight_exact(
+    axis_i: Vec3,
+    v_i: f32,
+    axis_j: Vec3,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
+    let a = bounded_inverse_sharpness(v_i);
+    let b = bounded_inverse_sharpness(v_j);
+    let sum = (a + b) + 2.0 * inverse_kappa;
+    let r = (a - b) / sum;
+    let product = 4.0 * ((a + inverse_kappa) / sum) * ((b + inverse_kappa) / sum);
+    let lambda_a = 1.0 / (a + inverse_kappa);
+    let lambda_b = 1.0 / (b + inverse_kappa);
+    let larger = lambda_a.max(lambda_b);
+    let smaller = lambda_a.min(lambda_b);
+    let total = larger + smaller;
+    // Part of the axes: how much shorter than the sum of the sharpnesses the sum of the vectors is.
+    let offset = axis_i - axis_j;
+    let chord_squared = offset.dot(offset).min(4.0);
+    let ratio = smaller / larger;
+    let difference = 1.0 - ratio;
+    let length = (difference * difference + ratio * (4.0 - chord_squared)).sqrt();
+    let shorter = (smaller * chord_squared / (length + ratio + 1.0)).min(total);
+    // Part of the sharpnesses: that of the approximation, less what the lobes' being on a sphere takes off it.
+    let spread = log_sinhc_difference(total, 2.0 * smaller);
+    let kept = 2.0 * spread * one_minus_exp_neg_over_x(2.0 * spread);
+    let numerator = r * r * kept;
+    let denominator = product + numerator;
+    beta * (0.5 * log_one_minus(numerator / denominator, product / denominator)
+        - log_sinhc_difference(total, shorter))
+}
+
+/// [`lobe_log_weight_exact`] where either smoothed lobe has a sharpness below 5, [`lobe_log_weight`] where both have
+/// one above 10, and a smooth blend between.
+#[must_use]
+pub fn lobe_log_weight_auto(
+    axis_i: Vec3,
+    v_i: f32,
+    axis_j: Vec3,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
+    let widest = v_i.max(v_j) + inverse_kappa;
+    if widest <= APPROXIMATE_BELOW {
+        return lobe_log_weight(axis_i, v_i, axis_j, v_j, beta, inverse_kappa);
+    }
+    let exact = lobe_log_weight_exact(axis_i, v_i, axis_j, v_j, beta, inverse_kappa);
+    if widest >= EXACT_ABOVE {
+        return exact;
+    }
+    let approximate = lobe_log_weight(axis_i, v_i, axis_j, v_j, beta, inverse_kappa);
+    let t = (widest - APPROXIMATE_BELOW) / (EXACT_ABOVE - APPROXIMATE_BELOW);
+    approximate + (exact - approximate) * (t * t * (3.0 - 2.0 * t))
+}
+
+/// `v`, at right angles to unit `from`, turned along with `from` to unit `to` by the shortest way.
+#[must_use]
+pub fn transport(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
+    v - (from + to) * (v.dot(to) / (1.0 + from.dot(to)).max(TINY))
+}
+
+/// Logarithm of the weight of two elliptic lobes: the affinity of two Gaussians on the tangent plane midway between
+/// their axes.
+#[must_use]
+pub fn anisotropic_log_weight(
+    axis_i: Vec3,
+    tangent_i: Vec3,
+    variance_i: Vec2,
+    axis_j: Vec3,
+    tangent_j: Vec3,
+    variance_j: Vec2,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
+    let floor = Vec2::splat(MIN_INVERSE_SHARPNESS);
+    let ceiling = Vec2::splat(MAX_INVERSE_SHARPNESS);
+    let a = variance_i.max(floor).min(ceiling) + Vec2::splat(inverse_kappa);
+    let b = variance_j.max(floor).min(ceiling) + Vec2::splat(inverse_kappa);
+    let middle = safe_normalize(axis_i + axis_j, tangent_i);
+    let t_i = transport(tangent_i, axis_i, middle);
+    let t_j = transport(tangent_j, axis_j, middle);
+    let b_i = transport(axis_i.cross(tangent_i), axis_i, middle);
+    let b_j = transport(axis_j.cross(tangent_j), axis_j, middle);
+    let cosine = 0.5 * (t_i.dot(t_j) + b_i.dot(b_j));
+    let sine = 0.5 * (b_i.dot(t_j) - b_j.dot(t_i));
+    // Areas of the ellipses: the determinants' roots.
+    let area_i = a.x.sqrt() * a.y.sqrt();
+    let area_j = b.x.sqrt() * b.y.sqrt();
+    // det(A + B) = numerator + 4 area_i area_j, as a sum of squares.
+    let of_sizes = area_i - area_j;
+    let of_aligned = cosine * (a.x.sqrt() * b.y.sqrt() - a.y.sqrt() * b.x.sqrt());
+    let of_crossed = sine * (a.x.sqrt() * b.x.sqrt() - a.y.sqrt() * b.y.sqrt());
+    let numerator = of_sizes * of_sizes + of_aligned * of_aligned + of_crossed * of_crossed;
+    let product = 4.0 * area_i * area_j;
+    let determinant = numerator + product;
+    // dᵀ (A + B)⁻¹ d times the determinant.
+    let offset = axis_i - axis_j;
+    let along_i = Vec2::new(offset.dot(t_i), offset.dot(b_i));
+    let along_j = Vec2::new(offset.dot(t_j), offset.dot(b_j));
+    let form = a.x * along_i.y * along_i.y
+        + a.y * along_i.x * along_i.x
+        + b.x * along_j.y * along_j.y
+        + b.y * along_j.x * along_j.x;
+    0.5 * beta
+        * (log_one_minus(numerator / determinant, product / determinant) - form / determinant)
+}
+
+/// Logarithm of the normal-aware weight, `−½ |nᵢ − nⱼ|²/σ²`: the spherical Gaussian `G(nᵢ; nⱼ, 1/σ²)`.
+#[must_use]
+pub fn normal_log_weight(normal_i: Vec3, normal_j: Vec3, sigma_n_squared: f32) -> f32 {
+    let offset = normal_i - normal_j;
+    -0.5 * offset.dot(offset) / sigma_n_squared.max(MIN_INVERSE_SHARPNESS)
+}
+
+/// Logarithm of the weight of two pixels by mean and variance of their distributions of values.
+#[must_use]
+pub fn distribution_log_weight(
+    mean_i: f32,
+    variance_i: f32,
+    mean_j: f32,
+    variance_j: f32,
+    beta: f32,
+    smoothing_variance: f32,
+) -> f32 {
+    let a = variance_i.max(MIN_VARIANCE);
+    let b = variance_j.max(MIN_VARIANCE);
+    let sum = (a + b) + 2.0 * smoothing_variance;
+    let r = (a - b) / sum;
+    let product = 4.0 * ((a + smoothing_variance) / sum) * ((b + smoothing_variance) / sum);
+    let deviations = ((mean_i - mean_j).abs() / sum.sqrt()).min(MAX_DEVIATIONS);
+    beta * (0.25 * log_one_minus(r * r, product) - 0.5 * deviations * deviations)
+}
+
+/// Angular width of a lobe over that of a diffuse one, at most 1.
+#[must_use]
+pub fn relative_lobe_width(inverse_sharpness: f32) -> f32 {
+    (inverse_sharpness.max(0.0) / DIFFUSE_INVERSE_SHARPNESS)
+        .min(1.0)
+        .sqrt()
+}
+
+/// Logarithm of a screen Gaussian whose standard deviation is that of a diffuse lobe, `sigma_px`, times the narrower
+/// lobe's relative width.
+#[must_use]
+pub fn axis_aligned_log_weight(distance_squared_px: f32, sigma_px: f32, v_i: f32, v_j: f32) -> f32 {
+    let sigma = sigma_px * relative_lobe_width(v_i.min(v_j));
+    -0.5 * distance_squared_px / (sigma * sigma).max(MIN_SCREEN_VARIANCE)
+}
+
+/// Logarithm of a screen Gaussian.
+#[must_use]
+pub fn spatial_log_weight(distance_squared_px: f32, inverse_two_sigma_squared: f32) -> f32 {
+    -distance_squared_px * inverse_two_sigma_squared
+}
+
+/// Logarithm of the weight by distance from the tangent planes of the two pixels, `offset = pⱼ − pᵢ`.
+#[must_use]
+pub fn plane_log_weight(normal_i: Vec3, normal_j: Vec3, offset: Vec3, inverse_scale: f32) -> f32 {
+    let distance = normal_i.dot(offset).abs().max(normal_j.dot(offset).abs());
+    let deviations = (distance * inverse_scale).min(MAX_DEVIATIONS);
+    -0.5 * deviations * deviations
+}
+
+/// Logarithm of the weight by the distances at which the lobes' rays hit.
+#[must_use]
+pub fn hit_distance_log_weight(hit_i: f32, hit_j: f32, v_i: f32, v_j: f32, strength: f32) -> f32 {
+    let relative = (hit_i - hit_j).abs() / (hit_i + hit_j).max(TINY);
+    let deviations = strength * relative * (1.0 - relative_lobe_width(v_i.max(v_j)));
+    -0.5 * deviations * deviations
+}
+
+/// Logarithm of the weight by a guide of radiance with its variance, in the manner of non-local means.
+#[must_use]
+pub fn radiance_log_weight(
+    guide_i: Vec3,
+    guide_j: Vec3,
+    variance_i: Vec3,
+    variance_j: Vec3,
+    inverse_strength_squared: f32,
+    floor: f32,
+) -> f32 {
+    let difference = (guide_i - guide_j)
+        .abs()
+        .min(Vec3::splat(MAX_RADIANCE_DIFFERENCE));
+    let noise = 2.0 * variance_i.min(variance_j);
+    let excess = (difference * difference - noise).max(Vec3::ZERO);
+    let floor_squared = (floor * floor).max(MIN_RADIANCE_FLOOR_SQUARED);
+    let scale = variance_i + variance_j + Vec3::splat(floor_squared);
+    let ratio = excess / scale;
+    -inverse_strength_squared * (ratio.x + ratio.y + ratio.z) * (1.0 / 3.0)
+}
+
+/// The weight of a sum of logarithms, in `[0, 1]`; 0 below −80.
+#[must_use]
+pub fn combined_weight(log_sum: f32) -> f32 {
+    if log_sum > MIN_LOG_WEIGHT {
+        return log_sum.min(0.0).exp();
+    }
+    0.0
+}

@@ -97,6 +97,13 @@ pub const RULES: &[Rule] = &[
         only: None,
     },
     Rule {
+        package: "akari_visibility",
+        may_use: &["akari_math"],
+        tests_may_use: &["akari_gpu_test"],
+        engine: Engine::None,
+        only: None,
+    },
+    Rule {
         package: "bevy_akari",
         may_use: &["akari_area_light", "akari_math", "akari_render"],
         tests_may_use: &[],

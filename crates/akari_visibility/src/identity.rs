@@ -11,7 +11,9 @@ pub struct Hash(pub [u8; 32]);
 impl fmt::Display for Hash {
     /// The first 8 bytes in hexadecimal: enough to tell two apart.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0[..8].iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        self.0[..8]
+            .iter()
+            .try_for_each(|byte| write!(f, "{byte:02x}"))
     }
 }
 

@@ -31,3 +31,14 @@ pub mod pool;
 pub mod query;
 pub mod sites;
 pub mod tree;
+
+/// Import path and source of every WGSL module of this crate, each after the modules that it imports. Those of
+/// [`akari_math::WGSL_MODULES`] come before them.
+///
+/// The file of `akari_visibility::a` is `src/a.wgsl`.
+pub const WGSL_MODULES: &[(&str, &str)] = &[
+    ("akari_visibility::face", include_str!("face.wgsl")),
+    ("akari_visibility::tree", include_str!("tree.wgsl")),
+    ("akari_visibility::grid", include_str!("grid.wgsl")),
+    ("akari_visibility::query", include_str!("query.wgsl")),
+];

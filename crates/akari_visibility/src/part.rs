@@ -80,7 +80,12 @@ pub struct PartBuilder {
 impl PartBuilder {
     /// An empty part.
     #[must_use]
-    pub fn new(identity: Identity, settings: BakeSettings, shard: Shard, triangle_count: u32) -> Self {
+    pub fn new(
+        identity: Identity,
+        settings: BakeSettings,
+        shard: Shard,
+        triangle_count: u32,
+    ) -> Self {
         Self {
             part: Part {
                 identity,
@@ -111,7 +116,12 @@ impl PartBuilder {
     }
 
     /// Adds what a site sees. A site that is there already stays as it is.
-    pub fn site(&mut self, site: Site, position: [f32; 3], trees: &[Tree; 6]) -> Result<(), PoolError> {
+    pub fn site(
+        &mut self,
+        site: Site,
+        position: [f32; 3],
+        trees: &[Tree; 6],
+    ) -> Result<(), PoolError> {
         let _ = trees;
         self.part.sites.push(site);
         self.part.positions.push(position);

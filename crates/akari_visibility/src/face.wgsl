@@ -1,0 +1,113 @@
+#define_import_path akari_visibility::face
+
+// Twin: `face.rs`, where the conventions and the error bounds are. Change both or neither.
+
+#import akari_math::special::safe_normalize
+
+const FACES: u32 = 6u;
+// Steps per unit of a packed line's coordinate along the border of the face.
+const LINE_STEPS_PER_UNIT: u32 = 4096u;
+const LINE_STEP_BITS: u32 = 15u;
+const LINE_STEP_MASK: u32 = 0x7fffu;
+// Steps along one side.
+const SIDE_STEPS: u32 = 8192u;
+const SIDE_STEP_BITS: u32 = 13u;
+const SQRT_HALF: f32 = 0.70710678;
+
+// A point of a face.
+struct FacePoint {
+    at: vec2<f32>,
+    face: u32,
+}
+
+// A vector of the world from its parts along r, u and the positive axis of the face.
+fn face_permute(face: u32, v: vec3<f32>) -> vec3<f32> {
+    let axis = face >> 1u;
+    if axis == 0u {
+        return v.zxy;
+    }
+    if axis == 1u {
+        return v.yzx;
+    }
+    return v;
+}
+
+// 1 for the faces along a positive axis, -1 for the others.
+fn face_sign(face: u32) -> f32 {
+    return select(1.0, -1.0, (face & 1u) == 1u);
+}
+
+// Direction, not normalised, in which the point `at` of a face lies.
+fn face_direction(face: u32, at: vec2<f32>) -> vec3<f32> {
+    return face_permute(face, vec3<f32>(at, face_sign(face)));
+}
+
+// Face in whose frustum `direction` is, and where on the face it points.
+fn face_of(direction: vec3<f32>) -> FacePoint {
+    let size = abs(direction);
+    var axis = 2u;
+    if size.y >= size.z {
+        axis = 1u;
+    }
+    if size.x >= size.y && size.x >= size.z {
+        axis = 0u;
+    }
+    // Undoes `face_permute`: the permutation of the other cyclic sense.
+    var local = direction;
+    if axis == 0u {
+        local = direction.yzx;
+    } else if axis == 1u {
+        local = direction.zxy;
+    }
+    if local.z == 0.0 {
+        return FacePoint(vec2<f32>(0.0), 0u);
+    }
+    return FacePoint(local.xy / abs(local.z), 2u * axis + select(0u, 1u, local.z < 0.0));
+}
+
+// Unit normal, pointing inwards, of the plane through the sample point and a side of a face.
+fn face_side(face: u32, side: u32) -> vec3<f32> {
+    let outwards = select(-SQRT_HALF, SQRT_HALF, (side & 1u) == 1u);
+    let depth = face_sign(face) * SQRT_HALF;
+    if side < 2u {
+        return face_permute(face, vec3<f32>(outwards, 0.0, depth));
+    }
+    return face_permute(face, vec3<f32>(0.0, outwards, depth));
+}
+
+// Point of the border of a face, counter-clockwise from (-1, -1).
+fn border_point(steps: u32) -> vec2<f32> {
+    let side = (steps >> SIDE_STEP_BITS) & 3u;
+    let t = f32(steps & (SIDE_STEPS - 1u)) / f32(LINE_STEPS_PER_UNIT) - 1.0;
+    if side == 0u {
+        return vec2<f32>(t, -1.0);
+    }
+    if side == 1u {
+        return vec2<f32>(1.0, t);
+    }
+    if side == 2u {
+        return vec2<f32>(-t, 1.0);
+    }
+    return vec2<f32>(-1.0, -t);
+}
+
+// Coefficients (a, b, c) of a packed line, not normalised.
+fn unpack_line(bits: u32) -> vec3<f32> {
+    let p = border_point(bits & LINE_STEP_MASK);
+    let q = border_point((bits >> LINE_STEP_BITS) & LINE_STEP_MASK);
+    return vec3<f32>(p.y - q.y, q.x - p.x, p.x * q.y - q.x * p.y);
+}
+
+// a x + b y + c at a point of the face: positive on the positive side of a packed line.
+fn line_height(bits: u32, at: vec2<f32>) -> f32 {
+    let line = unpack_line(bits);
+    return line.x * at.x + line.y * at.y + line.z;
+}
+
+// Unit normal of the plane through the sample point and a packed line of a face, towards the line's positive side.
+fn line_plane(face: u32, bits: u32) -> vec3<f32> {
+    let line = unpack_line(bits);
+    let depth = face_sign(face);
+    let normal = face_permute(face, vec3<f32>(line.xy, depth * line.z));
+    return safe_normalize(normal, face_permute(face, vec3<f32>(0.0, 0.0, depth)));
+}

@@ -108,6 +108,8 @@ pub struct MaterialJson {
     pub name: String,
     pub pbr_metallic_roughness: MetallicRoughness,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_texture: Option<TextureInfo>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_factor: Option<[f32; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub emissive_texture: Option<TextureInfo>,
@@ -121,6 +123,8 @@ pub struct MetallicRoughness {
     pub base_color_factor: [f32; 4],
     pub metallic_factor: f32,
     pub roughness_factor: f32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metallic_roughness_texture: Option<TextureInfo>,
 }
 
 #[derive(Serialize)]
@@ -166,7 +170,7 @@ pub struct Texture {
     pub source: usize,
 }
 
-#[derive(Serialize)]
+#[derive(PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Sampler {
     pub mag_filter: u32,

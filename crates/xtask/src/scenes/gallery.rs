@@ -1,6 +1,6 @@
 //! The showcase: four lights of four shapes over metals from mirror-like to matt and coloured dielectrics.
 
-use super::glb::{Material, Placement, Scene};
+use super::glb::{Material, Placement, Sampling, Scene};
 use super::mesh::{panel, polygon, rectangle, regular, unit_sphere, with_rectangle_uvs};
 use super::vec3::{self, Vec3};
 use super::{SPHERE_RINGS, SPHERE_SEGMENTS, pattern};
@@ -93,7 +93,8 @@ pub fn gallery() -> Scene {
         &outline,
     ));
     let mut material = Material::light([12.0; 3]);
-    material.emissive_texture = Some(scene.texture("pattern", &pattern::png()));
+    material.emissive_texture =
+        Some(scene.texture("pattern", &pattern::png(), Sampling::LinearClamped));
     scene.object("light_textured", &textured, material);
 
     let triangle_at = [0.0, 1.85, -1.4];

@@ -20,6 +20,10 @@ pub struct Material {
     /// Emitted radiance in nits for a texture of 1.
     pub emission: [f32; 3],
     pub emissive_texture: Option<TextureId>,
+    /// Green times `roughness`, blue times `metallic`.
+    pub metallic_roughness_texture: Option<TextureId>,
+    /// Tangent-space normals; the geometry needs texture coordinates, its tangents follow from them.
+    pub normal_texture: Option<TextureId>,
 }
 
 impl Material {
@@ -32,6 +36,8 @@ impl Material {
             specular: 0.0,
             emission: [0.0; 3],
             emissive_texture: None,
+            metallic_roughness_texture: None,
+            normal_texture: None,
         }
     }
 
@@ -122,25 +128,35 @@ impl Scene {
         GeometryId(self.geometries.len() - 1)
     }
 
-    /// Texture from an encoded PNG file, with its border colours going on outside: a light's edge must not take up the
-    /// colour of the opposite one.
-    pub fn texture(&mut self, name: &str, png: &[u8]) -> TextureId {
+    /// Texture from an encoded PNG file.
+    pub fn texture(&mut self, name: &str, png: &[u8], sampling: Sampling) -> TextureId {
         let buffer_view = self.view(png, None);
         self.document.images.push(Image {
             name: name.into(),
             mime_type: "image/png",
             buffer_view,
         });
-        if self.document.samplers.is_empty() {
-            self.document.samplers.push(Sampler {
-                mag_filter: FILTER_LINEAR,
-                min_filter: FILTER_LINEAR,
-                wrap_s: WRAP_CLAMP_TO_EDGE,
-                wrap_t: WRAP_CLAMP_TO_EDGE,
+        let (filter, wrap) = match sampling {
+            Sampling::LinearClamped => (FILTER_LINEAR, WRAP_CLAMP_TO_EDGE),
+            Sampling::LinearRepeated => (FILTER_LINEAR, WRAP_REPEAT),
+            Sampling::NearestClamped => (FILTER_NEAREST, WRAP_CLAMP_TO_EDGE),
+        };
+        let wanted = Sampler {
+            mag_filter: filter,
+            min_filter: filter,
+            wrap_s: wrap,
+            wrap_t: wrap,
+        };
+        let samplers = &mut self.document.samplers;
+        let sampler = samplers
+            .iter()
+            .position(|sampler| *sampler == wanted)
+            .unwrap_or_else(|| {
+                samplers.push(wanted);
+                samplers.len() - 1
             });
-        }
         let source = self.document.images.len() - 1;
-        self.document.textures.push(Texture { sampler: 0, source });
+        self.document.textures.push(Texture { sampler, source });
         TextureId(self.document.textures.len() - 1)
     }
 
@@ -263,6 +279,8 @@ impl Scene {
         // `emissiveFactor` may not exceed 1: the peak goes into the strength.
         let peak = material.emission.iter().copied().fold(0.0, f32::max);
         let emits = peak > 0.0;
+        let info =
+            |texture: Option<TextureId>| texture.map(|TextureId(index)| TextureInfo { index });
         self.document.materials.push(MaterialJson {
             name: name.into(),
             pbr_metallic_roughness: MetallicRoughness {
@@ -274,11 +292,11 @@ impl Scene {
                 ],
                 metallic_factor: material.metallic,
                 roughness_factor: material.roughness,
+                metallic_roughness_texture: info(material.metallic_roughness_texture),
             },
+            normal_texture: info(material.normal_texture),
             emissive_factor: emits.then(|| material.emission.map(|channel| channel / peak)),
-            emissive_texture: material
-                .emissive_texture
-                .map(|TextureId(index)| TextureInfo { index }),
+            emissive_texture: info(material.emissive_texture),
             extensions: Extensions {
                 emissive_strength: emits.then_some(EmissiveStrength {
                     emissive_strength: peak,
@@ -354,6 +372,17 @@ impl Scene {
     }
 }
 
+/// How a texture is looked up. None has mip levels: the file holds one image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// Bilinear, the border colours going on outside: a light's edge must not take up the colour of the opposite one.
+    LinearClamped,
+    /// Bilinear and tiled.
+    LinearRepeated,
+    /// The texel that the point lies in: no values in between.
+    NearestClamped,
+}
+
 /// Where a node stands.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
@@ -386,7 +415,9 @@ struct Geometry {
     indices: usize,
 }
 
+const FILTER_NEAREST: u32 = 9728; // NEAREST
 const FILTER_LINEAR: u32 = 9729; // LINEAR
+const WRAP_REPEAT: u32 = 10497; // REPEAT
 const WRAP_CLAMP_TO_EDGE: u32 = 33071; // CLAMP_TO_EDGE
 const COMPONENT_U16: u32 = 5123; // UNSIGNED_SHORT
 const COMPONENT_F32: u32 = 5126; // FLOAT

@@ -7,6 +7,7 @@ mod glb;
 mod mesh;
 mod pattern;
 mod png;
+mod roughness_map;
 mod small;
 mod spheres;
 mod vec3;
@@ -29,6 +30,7 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
         ("floor_light.glb", small::floor_light().finish()),
         ("gallery.glb", gallery::gallery().finish()),
         ("many_lights.glb", small::many_lights().finish()),
+        ("roughness_map.glb", roughness_map::roughness_map().finish()),
         (
             "spheres_hexagon.glb",
             spheres::spheres(spheres::Light::Hexagon).finish(),

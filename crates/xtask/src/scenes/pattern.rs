@@ -11,7 +11,7 @@ pub fn png() -> Vec<u8> {
     let pixels: Vec<[u8; 3]> = (0..HEIGHT)
         .flat_map(|y| (0..WIDTH).map(move |x| pixel(x, y)))
         .collect();
-    png::encode(WIDTH, HEIGHT, &pixels)
+    png::encode(WIDTH, HEIGHT, &pixels, png::Content::Color)
 }
 
 fn pixel(x: u32, y: u32) -> [u8; 3] {

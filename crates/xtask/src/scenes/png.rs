@@ -1,8 +1,17 @@
-//! A PNG file of 8-bit sRGB pixels in stored (uncompressed) blocks: same bytes on every platform and with every
+//! A PNG file of 8-bit RGB pixels in stored (uncompressed) blocks: same bytes on every platform and with every
 //! version of any library, and at the size of our textures no larger than it matters.
 
+/// What the pixels of an image stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// sRGB colours, which the file says.
+    Color,
+    /// Numbers such as roughness or a normal's components: no colour space is named, so that no viewer converts them.
+    Data,
+}
+
 /// PNG of `width` × `height` pixels, row by row from the top left.
-pub fn encode(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
+pub fn encode(width: u32, height: u32, pixels: &[[u8; 3]], content: Content) -> Vec<u8> {
     assert_eq!(
         pixels.len(),
         width as usize * height as usize,
@@ -21,7 +30,9 @@ pub fn encode(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
 
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     push_chunk(&mut file, *b"IHDR", &header);
-    push_chunk(&mut file, *b"sRGB", &[0]); // rendering intent "perceptual"
+    if content == Content::Color {
+        push_chunk(&mut file, *b"sRGB", &[0]); // rendering intent "perceptual"
+    }
     push_chunk(&mut file, *b"IDAT", &zlib_stored(&rows));
     push_chunk(&mut file, *b"IEND", &[]);
     file

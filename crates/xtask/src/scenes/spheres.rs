@@ -1,6 +1,6 @@
 //! The scenes of the accuracy figures: white-metal spheres of every roughness over a Lambert floor, under one light.
 
-use super::glb::{Material, Placement, Scene};
+use super::glb::{Material, Placement, Sampling, Scene};
 use super::mesh::{Mesh, panel, rectangle, regular, unit_sphere, with_rectangle_uvs};
 use super::small::floor;
 use super::vec3::{self, Vec3};
@@ -80,7 +80,8 @@ pub fn spheres(light: Light) -> Scene {
     let mut material = Material::light([RADIANCE; 3]);
     if light == Light::Textured {
         panel = with_rectangle_uvs(panel);
-        material.emissive_texture = Some(scene.texture("pattern", &pattern::png()));
+        material.emissive_texture =
+            Some(scene.texture("pattern", &pattern::png(), Sampling::LinearClamped));
     }
     scene.object("light", &panel, material);
     scene

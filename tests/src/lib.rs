@@ -1,6 +1,7 @@
 //! Headless render tests of `bevy_akari`: what they share.
 
 pub mod accuracy;
+pub mod denoise;
 
 use bevy::light::RectLight;
 use bevy::prelude::*;

@@ -18,10 +18,9 @@
 //! eight rectangular lights, without images.
 
 use akari_render::ensure_render_plugin;
+use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
-use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
-use bevy::pbr::deferred::deferred_lighting;
 use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
@@ -103,12 +102,11 @@ impl Plugin for AreaLightPlugin {
                 (
                     (images::prefilter_light_images, pass::area_light_cull)
                         .chain()
-                        .after(Core3dSystems::Prepass)
+                        // Which may filter the roughness in the G-buffer.
+                        .after(AkariPassSystems::Lobes)
                         .before(Core3dSystems::MainPass),
                     (pass::area_light_shade, pass::area_light_capture)
-                        .in_set(Core3dSystems::MainPass)
-                        .after(deferred_lighting)
-                        .before(main_opaque_pass_3d),
+                        .in_set(AkariPassSystems::Direct),
                 ),
             );
     }

@@ -59,6 +59,11 @@ pub enum Command {
     /// Error of image A against image B, as JSON
     #[command(after_help = "Example:\n  akari compare ours.exr ref.exr --mask interior.exr")]
     Compare(CompareArgs),
+    /// Filter noise out of any renderer's buffers, by the likeness of specular lobes
+    #[command(
+        after_help = "Example:\n  akari denoise noisy.exr --normal normal.exr --position position.exr --roughness roughness.exr \\\n    --albedo albedo.exr --camera-position 0,1.5,4 --out clean.exr"
+    )]
+    Denoise(DenoiseArgs),
     /// What is in a scene, and which effects it calls for and why
     #[command(
         after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect --settings"
@@ -257,6 +262,95 @@ pub struct CompareArgs {
     /// Compare only where this image is not 0
     #[arg(long, value_name = "MASK.exr")]
     pub mask: Option<PathBuf>,
+}
+
+/// Arguments of `denoise`.
+#[derive(Debug, Args)]
+pub struct DenoiseArgs {
+    /// Linear radiance, .exr
+    pub color: PathBuf,
+    /// The picture: .exr (32-bit linear radiance) or .png (tonemapped)
+    #[arg(long, value_name = "OUT")]
+    pub out: PathBuf,
+    /// World-space normals, .exr; 0 where there is no surface
+    #[arg(long, value_name = "NORMAL.exr")]
+    pub normal: PathBuf,
+    /// World-space positions in metres, .exr
+    #[arg(long, value_name = "POSITION.exr")]
+    pub position: PathBuf,
+    /// Perceptual roughness, .exr; all 1 if absent
+    #[arg(long, value_name = "ROUGHNESS.exr")]
+    pub roughness: Option<PathBuf>,
+    /// What radiance is divided by before it is filtered, .exr: base colour; all 1 if absent. What is 0 is not filtered
+    #[arg(long, value_name = "ALBEDO.exr")]
+    pub albedo: Option<PathBuf>,
+    /// Distance from the camera, .exr; 0 or infinite where there is no surface
+    #[arg(long, value_name = "DEPTH.exr")]
+    pub depth: Option<PathBuf>,
+    /// Where the camera stands, metres
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_point)]
+    pub camera_position: [f32; 3],
+    /// Which likeness of two pixels the filter goes by
+    #[arg(long, value_enum, default_value_t = MethodArg::Guided)]
+    pub method: MethodArg,
+    /// Which neighbours the filter visits
+    #[arg(long, value_enum, default_value_t = KernelArg::Full)]
+    pub kernel: KernelArg,
+    /// Exponent of the lobes' likeness, for every method but guided
+    #[arg(long, default_value_t = 20.0)]
+    pub beta: f32,
+    /// Sharpness of the kernel that lobes are smoothed by, for every method but guided
+    #[arg(long, default_value_t = 100.0)]
+    pub kappa: f32,
+    /// Variance of the normal-aware method
+    #[arg(long, default_value_t = 0.01)]
+    pub sigma_n2: f32,
+    /// Radius of the kernel in pixels
+    #[arg(long, default_value_t = 10)]
+    pub radius: u32,
+    /// Change one setting of the denoiser; repeatable. `akari inspect --settings` lists them
+    #[arg(long = "set", value_name = "denoise.KNOB=VALUE")]
+    pub set: Vec<Setting>,
+    /// Exposure of a .png in stops; automatic if absent
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_stops)]
+    pub exposure: Option<f32>,
+}
+
+/// Likeness of two pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MethodArg {
+    /// Lobes, and a prefiltered image against its estimated noise: our best
+    Guided,
+    /// Lobes alone (Tokuyoshi 2015)
+    Lobe,
+    /// Normals
+    Normal,
+    /// A kernel as wide as the lobe
+    AxisAligned,
+    /// Local mean and variance
+    Distribution,
+}
+
+/// Neighbours of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum KernelArg {
+    /// All within the radius
+    Full,
+    /// Rows, then columns
+    Separable,
+    /// 5 x 5, ever further apart
+    ATrous,
+}
+
+fn parse_point(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Vec<f32> = text
+        .split(',')
+        .map(|number| number.trim().parse().ok().filter(|n: &f32| n.is_finite()))
+        .collect::<Option<_>>()
+        .unwrap_or_default();
+    numbers
+        .try_into()
+        .map_err(|_| format!("'{text}' is no point; write x,y,z, as 0,1.5,-4"))
 }
 
 /// Arguments of `inspect`.

@@ -1,9 +1,10 @@
-//! The akari command line: render, reference, compare, inspect, doctor.
+//! The akari command line: render, reference, compare, denoise, inspect, doctor.
 
 mod args;
 mod buffers;
 mod compare;
 mod console;
+mod denoise;
 mod doctor;
 mod error;
 mod inspect;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args, common),
         Command::Reference(args) => reference::run(args, common),
         Command::Compare(args) => compare::run(args),
+        Command::Denoise(args) => denoise::run(args, common),
         Command::Inspect(args) => inspect::run(args, common),
         Command::Doctor => doctor::run(common),
     };

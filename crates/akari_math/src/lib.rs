@@ -1,11 +1,13 @@
-//! Spherical Gaussians, GGX, linearly transformed cosines and polygons: each function in Rust and in WGSL.
+//! Spherical Gaussians, GGX, linearly transformed cosines, polygons and the weights of lobe-aware filters: each
+//! function in Rust and in WGSL.
 //!
 //! Every WGSL function has a Rust twin of the same name, order of operations, branches and literals in the file beside
 //! it (`sg/lobe.rs`, `sg/lobe.wgsl`). WGSL import paths are the crate and the file path: `akari_math::sg::lobe`. The
 //! WGSL reads no bindings and no globals, so that any kernel can import it; [`WGSL_MODULES`] lists the sources in the
 //! order in which they depend on each other.
 //!
-//! [`polygon::clip_polygon`], [`outline`] and [`oracle`] run on the CPU only.
+//! [`polygon::clip_polygon`], [`ndf_filter::NormalMoments`], [`ndf_filter::NormalCone`], [`outline`] and [`oracle`] run
+//! on the CPU only.
 //!
 //! Three levels of tests: the formulas in f64 ([`oracle`]) tell whether a Rust twin is accurate, and the twin tells
 //! whether the WGSL is the same formula on the device at hand. The twin table (`tests/twins`) holds the domain and the
@@ -19,6 +21,10 @@
     clippy::approx_constant,
     reason = "literals are those of the WGSL twins"
 )]
+#![allow(
+    clippy::manual_clamp,
+    reason = "max and then min takes NaN to a bound, as devices do; clamp keeps it"
+)]
 
 pub mod area_light;
 pub mod directional_albedo;
@@ -30,6 +36,7 @@ pub mod lobe_packing;
 pub mod lobe_weight;
 pub mod ltc;
 pub mod ndf_filter;
+pub mod noise_estimate;
 pub mod octahedral;
 pub mod oracle;
 pub mod outline;
@@ -55,6 +62,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::ggx", include_str!("ggx.wgsl")),
     ("akari_math::lobe_weight", include_str!("lobe_weight.wgsl")),
     ("akari_math::ndf_filter", include_str!("ndf_filter.wgsl")),
+    (
+        "akari_math::noise_estimate",
+        include_str!("noise_estimate.wgsl"),
+    ),
     (
         "akari_math::signal_packing",
         include_str!("signal_packing.wgsl"),

@@ -38,6 +38,12 @@ fn unpack_surface(gbuffer: vec4<u32>) -> Surface {
     return surface;
 }
 
+// The G-buffer with another roughness: the byte above the base colour, as Bevy rounds it.
+fn replace_roughness(gbuffer: vec4<u32>, perceptual_roughness: f32) -> vec4<u32> {
+    let byte = u32(saturate(perceptual_roughness) * 255.0 + 0.5);
+    return vec4((gbuffer.r & 0x00ffffffu) | (byte << 24u), gbuffer.gba);
+}
+
 // Position of a pixel relative to the camera, along the axes of the world: exact however far from the origin.
 fn position_relative(view: View, frag_coord: vec2<f32>, depth: f32) -> vec3<f32> {
     return rotate_to_world(view, position_in_view(view, frag_coord, depth));

@@ -8,6 +8,8 @@
 //! | [`demand`] | [`Demand`](demand::Demand), [`EffectReport`](demand::EffectReport): which effects run, and why |
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
 //! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
+//! | [`guides`] | surfaces and lobes of pixels as filters read them |
+//! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
 //! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
 //!
 //! An effect crate depends on this one and on `akari_math`, and on no other effect.
@@ -19,9 +21,11 @@ pub mod camera;
 pub mod capture;
 pub mod census;
 pub mod demand;
+pub mod guides;
 pub mod ledger;
 pub mod quality;
 pub mod shaders;
+pub mod signals;
 
 /// Everything that an effect uses from here.
 pub mod prelude {
@@ -50,6 +54,9 @@ impl Plugin for AkariRenderPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<camera::AkariCamera>()
             .register_type::<quality::Quality>()
+            .register_type::<guides::NeedsGuides>()
+            .register_type::<guides::ExternalGuides>()
+            .register_type::<signals::MakesSignals>()
             .init_resource::<census::Census>()
             .init_resource::<demand::EffectReport>()
             .configure_sets(
@@ -64,6 +71,7 @@ impl Plugin for AkariRenderPlugin {
         app.insert_resource(ledger.clone());
         shaders::register_math_shaders(app);
         capture::build(app);
+        signals::build(app);
         if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
             render_app.insert_resource(ledger);
         }

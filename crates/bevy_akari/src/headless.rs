@@ -5,16 +5,20 @@ use bevy::app::{PluginsState, TerminalCtrlCHandlerPlugin};
 use bevy::camera::{Exposure, Hdr, RenderTarget};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::diagnostic::DiagnosticsStore;
+use bevy::image::ToExtents;
 use bevy::log::{Level, LogPlugin};
 use bevy::prelude::*;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
-use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
-    CachedPipelineState, PipelineCache, PollType, TextureFormat, TextureUsages,
+    BufferDescriptor, BufferUsages, CachedPipelineState, CommandEncoderDescriptor, MapMode,
+    PipelineCache, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TextureFormat,
+    TextureUsages,
 };
-use bevy::render::renderer::{RenderAdapterInfo, RenderDevice};
+use bevy::render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue};
 use bevy::render::settings::{RenderCreation, WgpuSettings};
+use bevy::render::texture::GpuImage;
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy::shader::ShaderCacheError;
 use bevy::tasks::tick_global_task_pools_on_main_thread;
@@ -142,9 +146,6 @@ pub struct ReadImage {
     pub data: Vec<[f32; 4]>,
 }
 
-#[derive(Resource, Default)]
-struct LastReadback(Option<Vec<u8>>);
-
 /// The image that [`Headless::spawn_camera`] draws into.
 #[derive(Component, Debug, Clone)]
 pub struct HeadlessTarget {
@@ -234,8 +235,7 @@ impl Headless {
         app.add_plugins(plugins)
             .add_plugins((RenderDiagnosticsPlugin, crate::AkariPlugins))
             .insert_resource(ClearColor(Color::BLACK))
-            .insert_resource(GlobalAmbientLight::NONE)
-            .init_resource::<LastReadback>();
+            .insert_resource(GlobalAmbientLight::NONE);
         while app.plugins_state() == PluginsState::Adding {
             tick_global_task_pools_on_main_thread();
         }
@@ -392,44 +392,83 @@ impl Headless {
             .collect()
     }
 
-    /// The camera's picture, as linear radiance. Draws a frame or two until the GPU has handed it over.
+    /// The camera's picture, as linear radiance. Draws a frame first.
     ///
     /// # Errors
     /// If the camera has no [`HeadlessTarget`], or the GPU refused a command.
     pub fn read(&mut self, camera: Entity) -> Result<ReadImage, HeadlessError> {
-        /// The data of a frame arrive with the extraction of a later one.
-        const MOST_FRAMES: u32 = 16;
-        let world = self.app.world_mut();
-        let Some(target) = world.get::<HeadlessTarget>(camera).cloned() else {
+        let Some(target) = self.app.world().get::<HeadlessTarget>(camera).cloned() else {
             return Err(HeadlessError::Gpu(
                 "the camera draws into no image that can be read".to_owned(),
             ));
         };
-        world.resource_mut::<LastReadback>().0 = None;
-        let reader = world
-            .spawn(Readback::texture(target.image))
-            .observe(
-                |event: On<ReadbackComplete>, mut last: ResMut<LastReadback>| {
-                    last.0 = Some(event.data.clone());
-                },
-            )
-            .id();
-        let mut bytes = None;
-        for _ in 0..MOST_FRAMES {
-            self.step()?;
-            bytes = self.app.world_mut().resource_mut::<LastReadback>().0.take();
-            if bytes.is_some() {
-                break;
-            }
+        self.step()?;
+        self.read_image(&target.image)
+    }
+
+    /// An image of four 32-bit floats a pixel as the last frame left it. It must have `TextureUsages::COPY_SRC`.
+    ///
+    /// # Errors
+    /// If the image is not on the GPU or has another format, or the GPU refused a command.
+    pub fn read_image(&self, image: &Handle<Image>) -> Result<ReadImage, HeadlessError> {
+        let render_world = self
+            .app
+            .get_sub_app(RenderApp)
+            .ok_or(HeadlessError::NoAdapter)?
+            .world();
+        let image = render_world
+            .resource::<RenderAssets<GpuImage>>()
+            .get(image)
+            .ok_or_else(|| HeadlessError::Gpu("the image is not on it".to_owned()))?;
+        if image.texture_descriptor.format != TextureFormat::Rgba32Float {
+            return Err(HeadlessError::Gpu(
+                "only images of 32-bit floats can be read".to_owned(),
+            ));
         }
-        self.app.world_mut().despawn(reader);
-        let bytes =
-            bytes.ok_or_else(|| HeadlessError::Gpu("it handed no picture over".to_owned()))?;
+        let size = image.size_2d();
         let texel = size_of::<[f32; 4]>();
-        let row_bytes = RenderDevice::align_copy_bytes_per_row(target.size.x as usize * texel);
-        let mut data = Vec::with_capacity((target.size.x * target.size.y) as usize);
-        for row in bytes.chunks(row_bytes).take(target.size.y as usize) {
-            for pixel in row[..target.size.x as usize * texel].chunks_exact(texel) {
+        let row_bytes = RenderDevice::align_copy_bytes_per_row(size.x as usize * texel);
+        let staging = self.device.create_buffer(&BufferDescriptor {
+            label: Some("akari_headless_read"),
+            size: row_bytes as u64 * u64::from(size.y),
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self
+            .device
+            .create_command_encoder(&CommandEncoderDescriptor {
+                label: Some("akari_headless_read"),
+            });
+        encoder.copy_texture_to_buffer(
+            image.texture.as_image_copy(),
+            TexelCopyBufferInfo {
+                buffer: &staging,
+                layout: TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row_bytes as u32),
+                    rows_per_image: None,
+                },
+            },
+            size.to_extents(),
+        );
+        render_world
+            .resource::<RenderQueue>()
+            .submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.slice(..).map_async(MapMode::Read, move |result| {
+            // The receiver waits below for as long as this closure lives.
+            let _ = sender.send(result);
+        });
+        self.device
+            .poll(PollType::wait_indefinitely())
+            .map_err(|error| HeadlessError::Gpu(error.to_string()))?;
+        if !matches!(receiver.recv(), Ok(Ok(()))) {
+            return Err(HeadlessError::Gpu("it handed no picture over".to_owned()));
+        }
+        let bytes = staging.slice(..).get_mapped_range();
+        let mut data = Vec::with_capacity((size.x * size.y) as usize);
+        for row in bytes.chunks(row_bytes).take(size.y as usize) {
+            for pixel in row[..size.x as usize * texel].chunks_exact(texel) {
                 let mut values = [0.0f32; 4];
                 for (value, four) in values.iter_mut().zip(pixel.chunks_exact(4)) {
                     *value = f32::from_le_bytes([four[0], four[1], four[2], four[3]]);
@@ -438,8 +477,8 @@ impl Headless {
             }
         }
         Ok(ReadImage {
-            width: target.size.x,
-            height: target.size.y,
+            width: size.x,
+            height: size.y,
             data,
         })
     }

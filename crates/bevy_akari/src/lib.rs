@@ -21,10 +21,14 @@
 //! pipeline. [`AkariCamera`](prelude::AkariCamera) on a camera asks for the effects there. Each effect has its own
 //! crate, re-exported here under its name.
 
+pub mod buffers;
 pub mod headless;
+pub mod resample;
 pub mod settings;
 
 pub use akari_area_light as area_light;
+pub use akari_denoise as denoise;
+pub use akari_lobes as lobes;
 pub use akari_math as math;
 pub use akari_render as render;
 
@@ -35,6 +39,8 @@ pub mod prelude {
     pub use crate::AkariPlugins;
     pub use crate::settings::AkariSettings;
     pub use akari_area_light::prelude::*;
+    pub use akari_denoise::prelude::*;
+    pub use akari_lobes::prelude::*;
     pub use akari_render::prelude::{AkariCamera, EffectReport, GpuLedger, Quality};
 }
 
@@ -50,5 +56,7 @@ impl PluginGroup for AkariPlugins {
             .add(akari_render::AkariRenderPlugin)
             .add(akari_area_light::AreaLightPlugin)
             .add(akari_area_light::emissive::EmissiveMeshLightsPlugin)
+            .add(akari_lobes::LobesPlugin)
+            .add(akari_denoise::DenoisePlugin)
     }
 }

@@ -1,6 +1,8 @@
 //! The settings of all effects as one value: what a settings file holds and `--set` changes.
 
 use akari_area_light::settings::{AreaLighting, DefaultAreaLighting};
+use akari_denoise::settings::{DefaultDenoise, Denoise};
+use akari_lobes::settings::{DefaultSpecularLobes, SpecularLobes};
 use akari_render::quality::{Knob, KnobError, Knobs, Quality};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,10 @@ use serde::{Deserialize, Serialize};
 pub struct AkariSettings {
     /// Area lights.
     pub area_lights: AreaLighting,
+    /// Specular lobes of pixels.
+    pub lobes: SpecularLobes,
+    /// Accumulation, filtering and upsampling of noisy signals.
+    pub denoise: Denoise,
 }
 
 impl Default for AkariSettings {
@@ -36,14 +42,40 @@ pub enum SettingError {
 }
 
 /// Names of the effects as `--set effect.knob=value` knows them.
-pub const EFFECT_NAMES: [&str; 1] = ["area_lights"];
+pub const EFFECT_NAMES: [&str; 3] = ["area_lights", "lobes", "denoise"];
+
+/// What all settings can do, whatever their type.
+trait AnyKnobs {
+    fn set(&mut self, knob: &str, value: f32) -> Result<(), KnobError>;
+    fn list(&self) -> Vec<(Knob, f32)>;
+}
+
+impl<T: Knobs> AnyKnobs for T {
+    fn set(&mut self, knob: &str, value: f32) -> Result<(), KnobError> {
+        self.set_knob(knob, value)
+    }
+
+    fn list(&self) -> Vec<(Knob, f32)> {
+        T::KNOBS
+            .iter()
+            .filter_map(|knob| Some((*knob, self.value(knob.name)?)))
+            .collect()
+    }
+}
 
 impl AkariSettings {
     /// The settings of a preset for every effect.
     pub fn preset(quality: Quality) -> Self {
         Self {
             area_lights: AreaLighting::preset(quality),
+            lobes: SpecularLobes::preset(quality),
+            denoise: Denoise::preset(quality),
         }
+    }
+
+    /// In the order of [`EFFECT_NAMES`].
+    fn effects(&mut self) -> [&mut dyn AnyKnobs; EFFECT_NAMES.len()] {
+        [&mut self.area_lights, &mut self.lobes, &mut self.denoise]
     }
 
     /// Sets one knob of one effect.
@@ -52,30 +84,40 @@ impl AkariSettings {
     /// If there is no such effect or knob, or the value is not valid; the message lists what is.
     pub fn set(&mut self, effect: &str, knob: &str, value: f32) -> Result<(), SettingError> {
         // Both spellings: fields are written with underscores, effects on the command line with hyphens.
-        match effect.replace('-', "_").as_str() {
-            "area_lights" => {
-                self.area_lights
-                    .set_knob(knob, value)
+        let wanted = effect.replace('-', "_");
+        for (name, settings) in EFFECT_NAMES.into_iter().zip(self.effects()) {
+            if name == wanted {
+                return settings
+                    .set(knob, value)
                     .map_err(|error| SettingError::Knob {
-                        effect: EFFECT_NAMES[0],
+                        effect: name,
                         error,
-                    })
+                    });
             }
-            _ => Err(SettingError::UnknownEffect(effect.to_owned())),
         }
+        Err(SettingError::UnknownEffect(effect.to_owned()))
     }
 
     /// Every knob of every effect with its current value.
     pub fn knobs(&self) -> Vec<(&'static str, Knob, f32)> {
-        AreaLighting::KNOBS
-            .iter()
-            .filter_map(|knob| Some((EFFECT_NAMES[0], *knob, self.area_lights.value(knob.name)?)))
+        let mut copy = *self;
+        EFFECT_NAMES
+            .into_iter()
+            .zip(copy.effects())
+            .flat_map(|(name, settings)| {
+                settings
+                    .list()
+                    .into_iter()
+                    .map(move |(knob, value)| (name, knob, value))
+            })
             .collect()
     }
 
     /// Makes them the settings of every camera that has none of its own.
     pub fn apply(&self, world: &mut World) {
         world.insert_resource(DefaultAreaLighting(self.area_lights));
+        world.insert_resource(DefaultSpecularLobes(self.lobes));
+        world.insert_resource(DefaultDenoise(self.denoise));
     }
 
     /// As a RON document.

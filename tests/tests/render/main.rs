@@ -2,5 +2,6 @@
 
 mod accuracy;
 mod demand;
+mod denoise;
 mod lights;
 mod stability;

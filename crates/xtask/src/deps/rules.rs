@@ -37,6 +37,8 @@ pub struct Rule {
 
 const EVERY_LIBRARY: &[&str] = &[
     "akari_area_light",
+    "akari_denoise",
+    "akari_lobes",
     "akari_math",
     "akari_reference",
     "akari_render",
@@ -97,6 +99,20 @@ pub const RULES: &[Rule] = &[
         only: None,
     },
     Rule {
+        package: "akari_lobes",
+        may_use: &["akari_math", "akari_render"],
+        tests_may_use: &["akari_gpu_test"],
+        engine: Engine::Bevy,
+        only: None,
+    },
+    Rule {
+        package: "akari_denoise",
+        may_use: &["akari_math", "akari_render"],
+        tests_may_use: &["akari_gpu_test"],
+        engine: Engine::Bevy,
+        only: None,
+    },
+    Rule {
         package: "akari_visibility",
         may_use: &["akari_math"],
         tests_may_use: &["akari_gpu_test"],
@@ -105,7 +121,13 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         package: "bevy_akari",
-        may_use: &["akari_area_light", "akari_math", "akari_render"],
+        may_use: &[
+            "akari_area_light",
+            "akari_denoise",
+            "akari_lobes",
+            "akari_math",
+            "akari_render",
+        ],
         tests_may_use: &[],
         engine: Engine::Bevy,
         only: None,

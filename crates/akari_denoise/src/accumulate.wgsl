@@ -1,0 +1,365 @@
+// One estimate per pixel from the samples of this frame and the history: joint bilateral upsampling, reprojection.
+
+#import bevy_render::view::View
+#import akari_math::lobe_weight::{
+    combined_weight, lobe_log_weight, normal_log_weight, plane_log_weight, spatial_log_weight,
+}
+#import akari_math::ggx::ReflectionLobe
+#import akari_math::reprojection::{plane_disocclusion, virtual_hit_point, virtual_motion_weight}
+#import akari_math::signal_packing::{radiance_pack, radiance_unpack}
+#import akari_denoise::signal::{demodulation, load_guide}
+#import akari_denoise::types::{
+    DenoiseView, Remembered, Support, dither, remembered_unpack, support_store, support_unpack,
+}
+#import akari_lobes::guides::{DIFFUSE_INVERSE_SHARPNESS, Guide, reflection_lobe}
+
+@group(1) @binding(0) var<uniform> denoise: DenoiseView;
+@group(1) @binding(1) var signal: texture_2d<f32>;
+@group(1) @binding(2) var estimates: texture_storage_2d<r32uint, write>;
+@group(1) @binding(3) var supports: texture_storage_2d<r32uint, read_write>;
+#ifdef HISTORY
+@group(1) @binding(4) var previous_estimates: texture_2d<u32>;
+@group(1) @binding(5) var remembered: texture_2d<u32>;
+#ifdef MOTION_VECTORS
+@group(1) @binding(6) var motion_vectors: texture_2d<f32>;
+#endif
+#ifdef HIT_DISTANCE
+@group(1) @binding(7) var hit_distances: texture_2d<f32>;
+#endif
+#endif
+#ifdef RESAMPLE
+// Header: number of listed pixels, capacity, two words of padding. Then one word a pixel.
+struct Listed {
+    count: atomic<u32>,
+    capacity: u32,
+    padding: vec2<u32>,
+    pixels: array<u32>,
+}
+@group(1) @binding(8) var<storage, read_write> listed: Listed;
+#endif
+
+// Standard deviation of the screen-space kernel of the upsampling, in texels of the signal.
+const UPSAMPLING_SIGMA: f32 = 0.6;
+// Texels to each side.
+const UPSAMPLING_RADIUS: i32 = 1;
+// Exponent and inverse smoothing sharpness of the lobes' likeness where samples are spread to their neighbours.
+const UPSAMPLING_BETA: f32 = 20.0;
+const UPSAMPLING_INVERSE_KAPPA: f32 = 1e-3;
+// Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
+const PLANE_TOLERANCE: f32 = 0.005;
+// Standard deviation, in pixels, of the nearness under which a sample counts as one of this very pixel.
+const OWN_SAMPLE_SIGMA: f32 = 0.5;
+// Least that a frame counts in the mean, so that no pixel waits for a sample of its own for ever.
+const LEAST_SAMPLE: f32 = 0.05;
+
+// The samples of this frame as seen from one pixel.
+struct Gathered {
+    // Demodulated radiance.
+    color: vec3<f32>,
+    // Weight of the likeness, 1 where all neighbours are alike.
+    confidence: f32,
+    // How much of a sample of its own the pixel has got, 0 to 1.
+    own: f32,
+}
+
+fn demodulated(texel: vec2<i32>, pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
+    let radiance = textureLoad(signal, texel, 0).rgb;
+    // What is not a number came from the producer: it must not spread. The comparison is false for it.
+    let clean = select(vec3(0.0), max(radiance, vec3(0.0)), radiance < vec3(1e30));
+    return clean / demodulation(pixel, guide);
+}
+
+fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
+#ifdef UPSAMPLE
+    let scale = i32(denoise.scale);
+    let offset = vec2<i32>(denoise.sample_offset);
+    let last = vec2<i32>(denoise.signal_size) - 1;
+    let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
+    let inverse_two_sigma_squared = 0.5 / (UPSAMPLING_SIGMA * UPSAMPLING_SIGMA * f32(scale * scale));
+    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
+    var sum = vec3(0.0);
+    var weight_sum = 0.0;
+    var full_sum = 0.0;
+    var own = 0.0;
+    // The likest sample, for where no weight is left.
+    var best_log = -1e30;
+    var best = vec3(0.0);
+    for (var y = -UPSAMPLING_RADIUS; y <= UPSAMPLING_RADIUS; y++) {
+        for (var x = -UPSAMPLING_RADIUS; x <= UPSAMPLING_RADIUS; x++) {
+            let texel = clamp(nearest + vec2(x, y), vec2(0), last);
+            let sampled = texel * scale + offset;
+            if any(sampled >= vec2<i32>(denoise.size)) {
+                continue;
+            }
+            let distance = vec2<f32>(sampled - pixel);
+            let distance_squared = dot(distance, distance);
+            let screen = spatial_log_weight(distance_squared, inverse_two_sigma_squared);
+            let full = combined_weight(screen);
+            full_sum += full;
+            let other = load_guide(sampled);
+            if !other.valid {
+                continue;
+            }
+            let likeness = likeness_log_weight(guide, other, inverse_plane);
+            let color = demodulated(texel, sampled, other);
+            let log_weight = screen + likeness;
+            let weight = combined_weight(log_weight);
+            sum += weight * color;
+            weight_sum += weight;
+            own = max(own, combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA)));
+            if log_weight > best_log {
+                best_log = log_weight;
+                best = color;
+            }
+        }
+    }
+    // At weights this small the quotient is that of rounding errors; the likest sample stands in.
+    if weight_sum < 1e-6 {
+        return Gathered(best, 0.0, own);
+    }
+    return Gathered(sum / weight_sum, weight_sum / max(full_sum, 1e-6), own);
+#else
+    return Gathered(demodulated(pixel, pixel, guide), 1.0, 1.0);
+#endif
+}
+
+// Likeness of two pixels of one frame, for spreading samples.
+fn likeness_log_weight(i: Guide, j: Guide, inverse_plane: f32) -> f32 {
+    let plane = plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane);
+#ifdef METHOD_NORMAL
+    return plane + normal_log_weight(i.normal_ws, j.normal_ws, denoise.sigma_n_squared);
+#else
+    return plane + lobe_log_weight(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, UPSAMPLING_BETA, UPSAMPLING_INVERSE_KAPPA);
+#endif
+}
+
+#ifdef HISTORY
+// Exponent and inverse smoothing sharpness of the likeness of a lobe to the one that the history was reflected by.
+const HISTORY_BETA: f32 = 4.0;
+const HISTORY_INVERSE_KAPPA: f32 = 1e-3;
+// How far off the tangent plane, relative to the distance from the camera, the surface of the frame before may lie.
+const PLANE_DISOCCLUSION: f32 = 0.01;
+// The same for the distance of a surface that moves by itself.
+const MOVING_DISOCCLUSION: f32 = 0.05;
+// Pixels by which motion vectors differ from the camera's motion alone where something moves by itself.
+const OWN_MOTION: f32 = 0.5;
+// Bilinear weight under which there is no history.
+const LEAST_HISTORY_WEIGHT: f32 = 0.05;
+// Samples around a pixel that tell what its light is now: so many to each side, so many texels apart.
+const CLAMP_RADIUS: i32 = 2;
+const CLAMP_STRIDE: i32 = 2;
+// Standard errors of their mean that the history may be away from it.
+const CLAMP_DEVIATIONS: f32 = 3.0;
+// What it may be away in any case, relative to the mean.
+const CLAMP_RELATIVE: f32 = 0.05;
+
+// What the frame before knew of a pixel.
+struct History {
+    color: vec3<f32>,
+    // Frames' worth of samples, 0 if there is none.
+    frames: f32,
+}
+
+// Where a point relative to the camera was on the previous frame's screen, in pixels.
+fn previous_place(position_rel: vec3<f32>) -> vec2<f32> {
+    let clip = denoise.previous_clip_from_relative * vec4(position_rel, 1.0);
+    // Behind the previous camera: outside of any screen.
+    if clip.w <= 0.0 {
+        return vec2(-1e6);
+    }
+    let uv = clip.xy / clip.w * vec2(0.5, -0.5) + 0.5;
+    return uv * vec2<f32>(denoise.size);
+}
+
+// The point, relative to this frame's camera, that the previous frame saw at a place of its screen at a depth.
+fn previous_position(place: vec2<f32>, depth: f32) -> vec3<f32> {
+    let ndc = (place / vec2<f32>(denoise.size) * 2.0 - 1.0) * vec2(1.0, -1.0);
+    // Two points of the ray; which ones does not matter.
+    let a = denoise.previous_relative_from_clip * vec4(ndc, 1.0, 1.0);
+    let b = denoise.previous_relative_from_clip * vec4(ndc, 0.5, 1.0);
+    let near = a.xyz / a.w;
+    let far = b.xyz / b.w;
+    let near_depth = dot(denoise.previous_depth_from_relative, vec4(near, 1.0));
+    let far_depth = dot(denoise.previous_depth_from_relative, vec4(far, 1.0));
+    return near + (far - near) * ((depth - near_depth) / max(far_depth - near_depth, 1e-20));
+}
+
+// The lobe that the previous frame's signal was reflected by.
+fn previous_lobe(before: Remembered, position_rel: vec3<f32>) -> ReflectionLobe {
+#ifdef DIFFUSE_SIGNAL
+    return ReflectionLobe(before.normal_ws, DIFFUSE_INVERSE_SHARPNESS);
+#else
+    let to_camera = denoise.previous_camera_rel - position_rel * (1.0 - f32(denoise.previous_orthographic));
+    return reflection_lobe(before.normal_ws, normalize(to_camera), before.perceptual_roughness);
+#endif
+}
+
+// History at a place of the previous frame: bilinear over what is of the same surface and lobe.
+fn history_at(place: vec2<f32>, moving: bool, guide: Guide) -> History {
+    let corner = floor(place - 0.5);
+    let fraction = place - 0.5 - corner;
+    let distance = length(guide.position_rel);
+    var color = vec3(0.0);
+    var frames = 0.0;
+    var weight_sum = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let step = vec2(i & 1, i >> 1u);
+        let pixel = vec2<i32>(corner) + step;
+        if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(denoise.size)) {
+            continue;
+        }
+        let before = remembered_unpack(textureLoad(remembered, pixel, 0).xy);
+        if before.depth == 0.0 {
+            continue;
+        }
+        let position = previous_position(vec2<f32>(pixel) + 0.5, before.depth);
+        if moving {
+            // Where on its way the object was is not known, so that only its distance can be compared.
+            if abs(length(position) - distance) > MOVING_DISOCCLUSION * distance {
+                continue;
+            }
+        } else if plane_disocclusion(guide.position_rel, guide.normal_ws, position, distance, PLANE_DISOCCLUSION) {
+            continue;
+        }
+        let lobe = previous_lobe(before, position);
+        let alike = combined_weight(lobe_log_weight(
+            guide.axis, guide.inverse_sharpness, lobe.axis, lobe.inverse_sharpness, HISTORY_BETA, HISTORY_INVERSE_KAPPA,
+        ));
+        let toward = select(1.0 - fraction, fraction, step == vec2(1));
+        let weight = toward.x * toward.y * alike;
+        color += weight * radiance_unpack(textureLoad(previous_estimates, pixel, 0).r);
+        frames += weight * alike * before.history;
+        weight_sum += weight;
+    }
+    if weight_sum < LEAST_HISTORY_WEIGHT {
+        return History(vec3(0.0), 0.0);
+    }
+    return History(color / weight_sum, frames / weight_sum);
+}
+
+fn reproject(pixel: vec2<i32>, guide: Guide) -> History {
+    var place = previous_place(guide.position_rel);
+    var moving = false;
+#ifdef MOTION_VECTORS
+    let motion = textureLoad(motion_vectors, pixel, 0).xy;
+    let moved_place = vec2<f32>(pixel) + 0.5 - motion * vec2<f32>(denoise.size);
+    moving = distance(moved_place, place) > OWN_MOTION;
+    // Where nothing moves by itself, the depth is the more exact source.
+    place = select(place, moved_place, moving);
+#endif
+    let surface = history_at(place, moving, guide);
+#ifdef HIT_DISTANCE
+    let hit = textureLoad(hit_distances, pixel / i32(denoise.scale), 0).r;
+    let share = virtual_motion_weight(guide.inverse_sharpness);
+    if hit > 0.0 && share > 0.0 {
+        let image = previous_place(virtual_hit_point(guide.position_rel, guide.view_ws, hit));
+        let reflected = history_at(image, moving, guide);
+        let weight_reflected = share * reflected.frames;
+        let weight_surface = (1.0 - share) * surface.frames;
+        let sum = weight_reflected + weight_surface;
+        if sum > 0.0 {
+            return History(
+                (reflected.color * weight_reflected + surface.color * weight_surface) / sum,
+                share * reflected.frames + (1.0 - share) * surface.frames,
+            );
+        }
+        return History(vec3(0.0), 0.0);
+    }
+#endif
+    return surface;
+}
+
+// The history, brought to where this frame's samples say that the light is, and shortened as far as it was off.
+fn clamp_history(history: History, pixel: vec2<i32>, guide: Guide) -> History {
+    let scale = i32(denoise.scale);
+    let offset = vec2<i32>(denoise.sample_offset);
+    let last = vec2<i32>(denoise.signal_size) - 1;
+    let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
+    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
+    var sum = vec3(0.0);
+    var sum_squares = vec3(0.0);
+    var weights = 0.0;
+    var weights_squared = 0.0;
+    for (var y = -CLAMP_RADIUS; y <= CLAMP_RADIUS; y++) {
+        for (var x = -CLAMP_RADIUS; x <= CLAMP_RADIUS; x++) {
+            let texel = nearest + CLAMP_STRIDE * vec2(x, y);
+            let sampled = texel * scale + offset;
+            if any(texel < vec2(0)) || any(texel > last) || any(sampled >= vec2<i32>(denoise.size)) {
+                continue;
+            }
+            let other = load_guide(sampled);
+            if !other.valid {
+                continue;
+            }
+            let weight = combined_weight(likeness_log_weight(guide, other, inverse_plane));
+            let color = demodulated(texel, sampled, other);
+            sum += weight * color;
+            sum_squares += weight * color * color;
+            weights += weight;
+            weights_squared += weight * weight;
+        }
+    }
+    if weights < LEAST_HISTORY_WEIGHT {
+        return history;
+    }
+    let mean = sum / weights;
+    let variance = max(sum_squares / weights - mean * mean, vec3(0.0));
+    // Effective number of samples; of n, the sample variance misses the n-th part.
+    let count = weights * weights / max(weights_squared, 1e-6);
+    let error = sqrt(variance / max(count - 1.0, 0.5));
+    let allowed = CLAMP_DEVIATIONS * error + CLAMP_RELATIVE * mean + 1e-6;
+    let away = history.color - mean;
+    let excess = max(abs(away.x) / allowed.x, max(abs(away.y) / allowed.y, abs(away.z) / allowed.z));
+    if excess <= 1.0 {
+        return history;
+    }
+    return History(mean + clamp(away, -allowed, allowed), history.frames / (excess * excess));
+}
+#endif
+
+@compute @workgroup_size(8, 8, 1)
+fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= denoise.size) {
+        return;
+    }
+    let pixel = vec2<i32>(id.xy);
+    let guide = load_guide(pixel);
+#ifdef DIFFUSE_SIGNAL
+    // The specular signal came first and left its half.
+    let word = select(0u, textureLoad(supports, pixel).r, (denoise.signals & 1u) != 0u);
+#else
+    let word = 0u;
+#endif
+    if !guide.valid {
+        textureStore(estimates, pixel, vec4(0u));
+        textureStore(supports, pixel, vec4(support_store(word, Support(0.0, 0.0))));
+        return;
+    }
+    let gathered = gather(pixel, guide);
+    var color = gathered.color;
+    var frames = max(gathered.own, LEAST_SAMPLE);
+#ifdef HISTORY
+    var history = History(vec3(0.0), 0.0);
+    if denoise.has_history != 0u {
+        history = reproject(pixel, guide);
+        if history.frames > 0.0 {
+            history = clamp_history(history, pixel, guide);
+        }
+    }
+    if history.frames > 0.0 {
+        let kept = min(history.frames, max(denoise.max_history - frames, 0.0));
+        color = mix(history.color, color, frames / (frames + kept));
+        frames += kept;
+    }
+#endif
+#ifdef RESAMPLE
+    if min(gathered.confidence, 1.0) < denoise.resample_below && frames < 1.0 {
+        let index = atomicAdd(&listed.count, 1u);
+        if index < listed.capacity {
+            listed.pixels[index] = (id.y << 16u) | id.x;
+        }
+    }
+#endif
+    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(id.xy, denoise.frame))));
+    textureStore(supports, pixel, vec4(support_store(word, Support(frames, 0.0))));
+}

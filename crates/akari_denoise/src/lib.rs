@@ -1,0 +1,115 @@
+//! Denoising, temporal accumulation and upsampling of glossy light, by the likeness of specular lobes.
+//!
+//! **What**: takes the noisy, perhaps low-resolution radiance of any pass ([`DenoiseInput`](input::DenoiseInput), or
+//! [`ViewSignals`](akari_render::signals::ViewSignals) in the render world), specular and diffuse apart, and adds a clean
+//! picture of it to the view, or hands it out.
+//!
+//! **Method**: cross-bilateral weights by the similarity of specular lobes (Tokuyoshi 2015, "Specular Lobe-Aware
+//! Filtering and Upsampling for Interactive Indirect Illumination"), with what that lacks where incident light changes:
+//! a prefiltered guide against its estimated noise, in which residuals that neighbours share count as structure
+//! (`akari_math::noise_estimate`). Spatio-temporal upsampling after Herzog et al. 2010, with a history that is tested
+//! lobe against lobe; what neither samples nor history support is listed and shaded again.
+//!
+//! **Inputs**: signals, [`ViewGuides`](akari_render::guides::ViewGuides), motion vectors. **Output**: radiance added to
+//! the HDR view target after Bevy's deferred lighting, or images.
+//!
+//! **Cost**: nothing unless a camera has signals. Otherwise the passes that the settings call for; bytes per pixel of
+//! each are entered into the ledger.
+
+use akari_render::ensure_render_plugin;
+use akari_render::signals::AkariPassSystems;
+use bevy::asset::embedded_asset;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::prelude::*;
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
+use bevy::shader::load_shader_library;
+
+pub mod bindings;
+pub mod debug;
+pub mod demand;
+pub mod extract;
+pub mod input;
+pub mod pass;
+pub mod pipeline;
+pub mod prepare;
+pub mod screen_space_reflections;
+pub mod settings;
+pub mod targets;
+pub mod types;
+
+/// Name of the effect in reports, statistics and on the command line.
+pub const EFFECT: &str = "denoise";
+
+/// Everything that an app uses from here.
+pub mod prelude {
+    pub use crate::DenoisePlugin;
+    pub use crate::debug::{DenoiseDebug, DenoiseDebugView};
+    pub use crate::input::{DenoiseInput, DenoiseOutput, SignalScale};
+    pub use crate::screen_space_reflections::DenoiseScreenSpaceReflections;
+    pub use crate::settings::{DefaultDenoise, Denoise, Kernel, Method};
+}
+
+/// Cleans up the noisy signals of cameras.
+#[derive(Default)]
+pub struct DenoisePlugin;
+
+impl Plugin for DenoisePlugin {
+    fn build(&self, app: &mut App) {
+        ensure_render_plugin(app);
+        app.register_type::<settings::Denoise>()
+            .register_type::<settings::DefaultDenoise>()
+            .register_type::<input::DenoiseInput>()
+            .register_type::<input::DenoiseOutput>()
+            .register_type::<debug::DenoiseDebug>()
+            .init_resource::<settings::DefaultDenoise>();
+        demand::build(app);
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
+        }
+        load_shader_library!(app, "types.wgsl");
+        load_shader_library!(app, "signal.wgsl");
+        load_shader_library!(app, "likeness.wgsl");
+        load_shader_library!(app, "weights.wgsl");
+        embedded_asset!(app, "accumulate.wgsl");
+        embedded_asset!(app, "arguments.wgsl");
+        embedded_asset!(app, "merge.wgsl");
+        embedded_asset!(app, "remember.wgsl");
+        embedded_asset!(app, "residual.wgsl");
+        embedded_asset!(app, "noise.wgsl");
+        embedded_asset!(app, "guide.wgsl");
+        embedded_asset!(app, "filter.wgsl");
+        embedded_asset!(app, "debug.wgsl");
+        screen_space_reflections::build(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        render_app
+            .add_systems(
+                ExtractSchedule,
+                (extract::extract_denoise_views, debug::extract_debug_views),
+            )
+            .add_systems(
+                Render,
+                (
+                    (prepare::release_denoise, prepare::prepare_denoise_pipelines)
+                        .chain()
+                        .in_set(RenderSystems::Prepare),
+                    extract::prepare_input_signals.in_set(RenderSystems::PrepareResources),
+                    (
+                        prepare::prepare_denoise_targets,
+                        prepare::prepare_denoise_passes,
+                    )
+                        .chain()
+                        .in_set(RenderSystems::PrepareBindGroups),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                (
+                    pass::denoise_accumulate.in_set(AkariPassSystems::Accumulate),
+                    pass::denoise_filter.in_set(AkariPassSystems::Filter),
+                    pass::denoise_debug.in_set(Core3dSystems::EarlyPostProcess),
+                ),
+            );
+    }
+}

@@ -1,0 +1,21 @@
+#define_import_path akari_denoise::likeness
+
+// Likeness of two pixels by surface and lobe as the guided method sees it.
+
+#import akari_math::lobe_weight::{lobe_log_weight_auto, plane_log_weight}
+#import akari_lobes::guides::Guide
+
+// Exponent and inverse smoothing sharpness of the lobes' likeness.
+const GUIDED_BETA: f32 = 20.0;
+const GUIDED_INVERSE_KAPPA: f32 = 1e-4;
+// Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
+const PLANE_TOLERANCE: f32 = 0.005;
+
+fn inverse_plane_scale(guide: Guide) -> f32 {
+    return 1.0 / max(PLANE_TOLERANCE * length(guide.position_rel), 1e-20);
+}
+
+fn guide_log_weight(i: Guide, j: Guide) -> f32 {
+    return plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane_scale(i))
+        + lobe_log_weight_auto(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, GUIDED_BETA, GUIDED_INVERSE_KAPPA);
+}

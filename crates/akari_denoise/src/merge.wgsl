@@ -1,0 +1,42 @@
+// Puts the pixels that were shaded again in the place of their estimates.
+
+#import akari_math::signal_packing::radiance_pack
+#import akari_denoise::signal::{demodulation, load_guide}
+#import akari_denoise::types::{DenoiseView, Support, dither, support_store}
+
+@group(1) @binding(0) var<uniform> denoise: DenoiseView;
+@group(1) @binding(1) var<storage, read> listed: array<u32>;
+@group(1) @binding(2) var<storage, read> shaded: array<vec4<f32>>;
+@group(1) @binding(3) var estimates: texture_storage_2d<r32uint, write>;
+@group(1) @binding(4) var supports: texture_storage_2d<r32uint, read_write>;
+#ifdef MARK_RESAMPLED
+@group(1) @binding(5) var marks: texture_storage_2d<r32uint, write>;
+#endif
+
+// Words before the pixels.
+const HEADER: u32 = 4u;
+
+@compute @workgroup_size(64, 1, 1)
+fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= listed[0] {
+        return;
+    }
+    let radiance = shaded[id.x];
+    if radiance.w != 1.0 {
+        return;
+    }
+    let word = listed[HEADER + id.x];
+    let pixel = vec2<i32>(vec2(word & 0xffffu, word >> 16u));
+    let guide = load_guide(pixel);
+    if !guide.valid {
+        return;
+    }
+    let color = clamp(radiance.rgb, vec3(0.0), vec3(1e30)) / demodulation(pixel, guide);
+    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
+    let support = textureLoad(supports, pixel).r;
+    // A sample of its own: as good as a frame of history.
+    textureStore(supports, pixel, vec4(support_store(support, Support(1.0, 0.0))));
+#ifdef MARK_RESAMPLED
+    textureStore(marks, pixel, vec4(denoise.frame));
+#endif
+}

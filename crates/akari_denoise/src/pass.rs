@@ -1,0 +1,221 @@
+//! Runs the passes that `prepare` has listed.
+
+use crate::prepare::{PreparedPass, ViewDenoisePasses, Work};
+use crate::types::WORKGROUP;
+use akari_render::guides::ViewGuides;
+use akari_render::ledger::GpuLedger;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    BindGroup, CachedComputePipelineId, ComputePassDescriptor, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
+};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewTarget, ViewUniformOffset};
+
+type View = (
+    &'static ViewDenoisePasses,
+    &'static ViewGuides,
+    &'static ViewUniformOffset,
+    &'static ViewTarget,
+    &'static ExtractedCamera,
+);
+
+/// Accumulates samples and history, and lists the pixels that have too little of both.
+pub fn denoise_accumulate(
+    view: ViewQuery<View>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, guides, offset, target, camera) = view.into_inner();
+    let Some(guide_group) = ready(passes, guides, &cache) else {
+        return;
+    };
+    for buffer in &passes.cleared {
+        ctx.command_encoder().clear_buffer(buffer, 0, None);
+    }
+    let frame = Frame {
+        size: passes.size,
+        guides: guide_group,
+        view_offset: offset.offset,
+        target,
+        camera,
+    };
+    for pass in &passes.accumulate {
+        frame.run(pass, &cache, &ledger, &mut ctx);
+    }
+}
+
+/// Filters the estimates and adds them to the picture.
+pub fn denoise_filter(
+    view: ViewQuery<View>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, guides, offset, target, camera) = view.into_inner();
+    let Some(guide_group) = ready(passes, guides, &cache) else {
+        return;
+    };
+    let frame = Frame {
+        size: passes.size,
+        guides: guide_group,
+        view_offset: offset.offset,
+        target,
+        camera,
+    };
+    for pass in &passes.filter {
+        frame.run(pass, &cache, &ledger, &mut ctx);
+    }
+}
+
+/// Draws a debug view over the finished picture.
+pub fn denoise_debug(
+    view: ViewQuery<View>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, guides, offset, target, camera) = view.into_inner();
+    let (Some(guide_group), Some(debug)) = (ready(passes, guides, &cache), &passes.debug) else {
+        return;
+    };
+    let frame = Frame {
+        size: passes.size,
+        guides: guide_group,
+        view_offset: offset.offset,
+        target,
+        camera,
+    };
+    frame.run(debug, &cache, &ledger, &mut ctx);
+}
+
+/// The guides' group, once every pipeline of the view is compiled: all of the passes run, or none.
+fn ready<'a>(
+    passes: &ViewDenoisePasses,
+    guides: &'a ViewGuides,
+    cache: &PipelineCache,
+) -> Option<&'a BindGroup> {
+    let compiled = |pass: &PreparedPass| match &pass.work {
+        Work::Pixels(id) | Work::Single(id) | Work::Listed(id, _) => {
+            cache.get_compute_pipeline(*id).is_some()
+        }
+        Work::Draw(id, _) => cache.get_render_pipeline(*id).is_some(),
+    };
+    let all = passes.accumulate.iter().chain(&passes.filter).all(compiled);
+    guides.group.as_ref().filter(|_| all)
+}
+
+/// What all passes of a view share.
+struct Frame<'a> {
+    size: UVec2,
+    guides: &'a BindGroup,
+    view_offset: u32,
+    target: &'a ViewTarget,
+    camera: &'a ExtractedCamera,
+}
+
+impl Frame<'_> {
+    fn run(
+        &self,
+        prepared: &PreparedPass,
+        cache: &PipelineCache,
+        ledger: &GpuLedger,
+        ctx: &mut RenderContext,
+    ) {
+        let done = match &prepared.work {
+            Work::Draw(pipeline, image) => {
+                let color = match image {
+                    Some(view) => RenderPassColorAttachment {
+                        view,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: Operations {
+                            load: LoadOp::Clear(LinearRgba::NONE.into()),
+                            store: StoreOp::Store,
+                        },
+                    },
+                    None => self.target.get_unsampled_color_attachment(),
+                };
+                self.draw(prepared, *pipeline, color, image.is_none(), cache, ctx)
+            }
+            Work::Pixels(pipeline) | Work::Single(pipeline) | Work::Listed(pipeline, _) => {
+                self.dispatch(prepared, *pipeline, cache, ctx)
+            }
+        };
+        if done {
+            ledger.count_pass(prepared.label);
+        }
+    }
+
+    fn dispatch(
+        &self,
+        prepared: &PreparedPass,
+        pipeline: CachedComputePipelineId,
+        cache: &PipelineCache,
+        ctx: &mut RenderContext,
+    ) -> bool {
+        let Some(pipeline) = cache.get_compute_pipeline(pipeline) else {
+            return false;
+        };
+        let diagnostics = ctx.diagnostic_recorder();
+        let diagnostics = diagnostics.as_deref();
+        let encoder = ctx.command_encoder();
+        let span = diagnostics.time_span(encoder, prepared.label);
+        {
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+                label: Some(prepared.label),
+                timestamp_writes: None,
+            });
+            pass.set_pipeline(pipeline);
+            if let Work::Single(_) = prepared.work {
+                pass.set_bind_group(0, &prepared.group, &[]);
+                pass.dispatch_workgroups(1, 1, 1);
+            } else {
+                pass.set_bind_group(0, self.guides, &[self.view_offset]);
+                pass.set_bind_group(1, &prepared.group, &[]);
+                if let Work::Listed(_, arguments) = &prepared.work {
+                    pass.dispatch_workgroups_indirect(arguments, 0);
+                } else {
+                    let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+                    pass.dispatch_workgroups(groups.x, groups.y, 1);
+                }
+            }
+        }
+        span.end(encoder);
+        true
+    }
+
+    fn draw(
+        &self,
+        prepared: &PreparedPass,
+        pipeline: bevy::render::render_resource::CachedRenderPipelineId,
+        color: RenderPassColorAttachment,
+        into_picture: bool,
+        cache: &PipelineCache,
+        ctx: &mut RenderContext,
+    ) -> bool {
+        let Some(pipeline) = cache.get_render_pipeline(pipeline) else {
+            return false;
+        };
+        let diagnostics = ctx.diagnostic_recorder();
+        let diagnostics = diagnostics.as_deref();
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(prepared.label),
+            color_attachments: &[Some(color)],
+            ..default()
+        });
+        let span = diagnostics.pass_span(&mut pass, prepared.label);
+        if let (true, Some(viewport)) = (into_picture, &self.camera.viewport) {
+            pass.set_camera_viewport(viewport);
+        }
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, self.guides, &[self.view_offset]);
+        pass.set_bind_group(1, &prepared.group, &[]);
+        pass.draw(0..3, 0..1);
+        span.end(&mut pass);
+        true
+    }
+}

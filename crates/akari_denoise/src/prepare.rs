@@ -1,0 +1,687 @@
+//! From the signals of a view to the passes that it runs in this frame, and the release of what no view needs.
+
+use crate::EFFECT;
+use crate::bindings::Bindings;
+use crate::debug::{DenoiseDebugView, ViewDenoiseDebug};
+use crate::extract::ViewDenoise;
+use crate::pipeline::{DenoisePipelines, Pass, PipelineKey};
+use crate::settings::{Denoise, Kernel, Method};
+use crate::targets::{DenoiseTargets, REMEMBERED_FORMAT, Shape, WORD_FORMAT};
+use crate::types::{DIFFUSE_BIT, GpuDenoiseStage, GpuDenoiseView, SPECULAR_BIT};
+use akari_math::reprojection::sample_offset;
+use akari_render::guides::ViewGuides;
+use akari_render::prelude::*;
+use akari_render::signals::{ResampleList, ViewSignals};
+use bevy::core_pipeline::FullscreenShader;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::math::{DMat3, DMat4, DVec3, IVec2};
+use bevy::prelude::*;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
+use bevy::render::view::ExtractedView;
+use bevy::shader::ShaderDefVal;
+
+/// Where the camera was in the frame before.
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+pub struct PreviousCamera {
+    world_from_view: Mat4,
+    clip_from_view: Mat4,
+}
+
+/// A pass of this frame, with all that it binds.
+pub struct PreparedPass {
+    /// Its label.
+    pub label: &'static str,
+    /// Bind group of the pass, behind that of the guides.
+    pub group: BindGroup,
+    /// What runs.
+    pub work: Work,
+}
+
+/// What a pass runs.
+pub enum Work {
+    /// One invocation a pixel.
+    Pixels(CachedComputePipelineId),
+    /// A single workgroup that binds no guides.
+    Single(CachedComputePipelineId),
+    /// One invocation a listed pixel.
+    Listed(CachedComputePipelineId, Buffer),
+    /// A triangle that covers the target: an image, or the picture.
+    Draw(CachedRenderPipelineId, Option<TextureView>),
+}
+
+/// The passes of a view in this frame.
+#[derive(Component, Default)]
+pub struct ViewDenoisePasses {
+    /// Pixels of the full resolution.
+    pub size: UVec2,
+    /// Cleared before everything else.
+    pub cleared: Vec<Buffer>,
+    /// Up to the list of pixels to be shaded again.
+    pub accumulate: Vec<PreparedPass>,
+    /// From their return on.
+    pub filter: Vec<PreparedPass>,
+    /// Over the finished picture.
+    pub debug: Option<PreparedPass>,
+}
+
+/// What a view carries from frame to frame.
+#[derive(Component, Debug, Default, Clone, Copy)]
+pub struct DenoiseState {
+    /// Counts the frames.
+    frame: u32,
+    /// Which of the two estimates is this frame's.
+    current: usize,
+}
+
+/// Lets go of everything once no view has signals.
+pub fn release_denoise(
+    mut commands: Commands,
+    views: Query<(), With<ViewDenoise>>,
+    pipelines: Option<Res<DenoisePipelines>>,
+    ledger: Res<GpuLedger>,
+) {
+    if views.is_empty() && pipelines.is_some() {
+        commands.remove_resource::<DenoisePipelines>();
+        ledger.free(EFFECT);
+    }
+}
+
+/// Makes the shared resources when the first view has signals.
+pub fn prepare_denoise_pipelines(
+    mut commands: Commands,
+    views: Query<(), With<ViewDenoise>>,
+    existing: Option<Res<DenoisePipelines>>,
+    assets: Res<AssetServer>,
+    fullscreen: Res<FullscreenShader>,
+) {
+    if !views.is_empty() && existing.is_none() {
+        commands.insert_resource(DenoisePipelines::new(&assets, &fullscreen));
+    }
+}
+
+/// The textures and buffers that settings and signals call for, and the uniforms.
+pub fn prepare_denoise_targets(
+    mut commands: Commands,
+    views: Query<(
+        Entity,
+        &ExtractedView,
+        &ViewDenoise,
+        &ViewSignals,
+        &ViewGuides,
+        Option<&DenoiseTargets>,
+        Option<&DenoiseState>,
+        Option<&PreviousCamera>,
+        Option<&ViewDenoiseDebug>,
+    )>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    ledger: Res<GpuLedger>,
+) {
+    for (entity, view, denoise, signals, guides, existing, state, previous, debug) in &views {
+        let settings = &denoise.settings;
+        let shape = shape(settings, signals, guides.size, debug);
+        let kept = existing.filter(|targets| targets.shape == shape);
+        let mut state = state.copied().unwrap_or_default();
+        state.frame = state.frame.wrapping_add(1);
+        if shape.history {
+            state.current = 1 - state.current;
+        } else {
+            state.current = 0;
+        }
+        let camera = PreviousCamera {
+            world_from_view: view.world_from_view.to_matrix(),
+            clip_from_view: view.clip_from_view,
+        };
+        // Without textures of the frame before, or after a cut, there is nothing to reproject.
+        let has_history = shape.history && kept.is_some() && previous.is_some() && !signals.reset;
+        let uniform = view_uniform(
+            settings,
+            signals,
+            &shape,
+            state.frame,
+            has_history,
+            &camera,
+            previous.unwrap_or(&camera),
+        );
+        let fresh = kept.is_none().then(|| {
+            DenoiseTargets::new(
+                shape,
+                GpuDenoiseView::min_size().get(),
+                GpuDenoiseStage::min_size().get(),
+                entity,
+                &device,
+                &ledger,
+            )
+        });
+        if let Some(targets) = kept.or(fresh.as_ref()) {
+            let mut bytes = encase::UniformBuffer::new(Vec::new());
+            if let Err(error) = bytes.write(&uniform) {
+                error!("denoiser: the view's uniform could not be written: {error}");
+                continue;
+            }
+            queue.write_buffer(&targets.view, 0, bytes.as_ref());
+            for (buffer, stage) in targets.stages.iter().zip(stages(settings)) {
+                let cursor = debug.map_or(Vec2::NEG_ONE, |debug| debug.cursor);
+                let mut bytes = encase::UniformBuffer::new(Vec::new());
+                if let Err(error) = bytes.write(&GpuDenoiseStage { cursor, ..stage }) {
+                    error!("denoiser: a stage's uniform could not be written: {error}");
+                    continue;
+                }
+                queue.write_buffer(buffer, 0, bytes.as_ref());
+            }
+            if let Some(list) = &targets.list {
+                let header = [0, list.capacity, 0, 0].map(u32::to_le_bytes);
+                queue.write_buffer(&list.pixels, 0, header.as_flattened());
+                commands.entity(entity).insert(ResampleList {
+                    pixels: list.pixels.clone(),
+                    indirect: list.indirect.clone(),
+                    radiance: list.radiance.clone(),
+                    capacity: list.capacity,
+                });
+            } else {
+                commands.entity(entity).remove::<ResampleList>();
+            }
+        }
+        commands.entity(entity).insert((state, camera));
+        if let Some(targets) = fresh {
+            commands.entity(entity).insert(targets);
+        }
+    }
+}
+
+fn shape(
+    settings: &Denoise,
+    signals: &ViewSignals,
+    size: UVec2,
+    debug: Option<&ViewDenoiseDebug>,
+) -> Shape {
+    let list = signals.scale > 1 && settings.resample_below > 0.0;
+    Shape {
+        size,
+        signals: signal_bits(signals),
+        history: settings.history > 1,
+        guide: has_guide(settings.method),
+        stages: stage_count(settings),
+        list,
+        marks: list && debug.is_some_and(|debug| debug.view == DenoiseDebugView::Resampled),
+    }
+}
+
+fn signal_bits(signals: &ViewSignals) -> u32 {
+    let bit = |present: bool, bit| if present { bit } else { 0 };
+    bit(signals.specular.is_some(), SPECULAR_BIT) | bit(signals.diffuse.is_some(), DIFFUSE_BIT)
+}
+
+fn has_guide(method: Method) -> bool {
+    matches!(method, Method::Guided | Method::Distribution)
+}
+
+fn stage_count(settings: &Denoise) -> u32 {
+    match settings.kernel {
+        Kernel::Full => 1,
+        Kernel::Separable => 2,
+        Kernel::ATrous => settings.levels.clamp(1, 6),
+    }
+}
+
+/// Radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3 spline
+/// (1, 4, 6, 4, 1) / 16.
+const A_TROUS_RADIUS: i32 = 2;
+const A_TROUS_SIGMA: f32 = 1.0;
+
+fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
+    let radius = settings.radius.clamp(1, 16) as i32;
+    // The kernel ends at two standard deviations.
+    let sigma = 0.5 * radius as f32;
+    let stage = |index: u32, radius: IVec2, stride: i32, sigma: f32| GpuDenoiseStage {
+        radius,
+        stride,
+        inverse_two_sigma_squared: 0.5 / (sigma * sigma),
+        sigma,
+        index,
+        cursor: Vec2::NEG_ONE,
+    };
+    match settings.kernel {
+        Kernel::Full => vec![stage(0, IVec2::splat(radius), 1, sigma)],
+        Kernel::Separable => vec![
+            stage(0, IVec2::new(radius, 0), 1, sigma),
+            stage(1, IVec2::new(0, radius), 1, sigma),
+        ],
+        Kernel::ATrous => (0..stage_count(settings))
+            .map(|level| {
+                let stride = 1 << level;
+                stage(
+                    level,
+                    IVec2::splat(A_TROUS_RADIUS),
+                    stride,
+                    A_TROUS_SIGMA * stride as f32,
+                )
+            })
+            .collect(),
+    }
+}
+
+fn view_uniform(
+    settings: &Denoise,
+    signals: &ViewSignals,
+    shape: &Shape,
+    frame: u32,
+    has_history: bool,
+    camera: &PreviousCamera,
+    previous: &PreviousCamera,
+) -> GpuDenoiseView {
+    let here = camera.world_from_view.w_axis.truncate();
+    let there = previous.world_from_view.w_axis.truncate();
+    // The difference first: far from the origin the positions themselves have too few digits.
+    let moved = DVec3::from(here - there);
+    let rotation = DMat4::from_mat3(DMat3::from_mat4(previous.world_from_view.as_dmat4()));
+    let view_from_relative = rotation.inverse() * DMat4::from_translation(moved);
+    let clip_from_relative = previous.clip_from_view.as_dmat4() * view_from_relative;
+    let orthographic = previous.clip_from_view.w_axis.w == 1.0;
+    GpuDenoiseView {
+        previous_clip_from_relative: clip_from_relative.as_mat4(),
+        previous_relative_from_clip: clip_from_relative.inverse().as_mat4(),
+        previous_depth_from_relative: -view_from_relative.row(2).as_vec4(),
+        previous_camera_rel: if orthographic {
+            previous.world_from_view.z_axis.truncate()
+        } else {
+            there - here
+        },
+        previous_orthographic: u32::from(orthographic),
+        size: shape.size,
+        signal_size: shape.size.map(|pixels| pixels.div_ceil(signals.scale)),
+        sample_offset: sample_offset(signals.frame, signals.scale),
+        scale: signals.scale,
+        frame,
+        max_history: settings.history as f32,
+        has_history: u32::from(has_history),
+        beta: settings.beta,
+        inverse_kappa: 1.0 / settings.kappa,
+        sigma_n_squared: settings.sigma_n_squared,
+        resample_below: settings.resample_below,
+        signals: shape.signals,
+    }
+}
+
+/// One signal of a view.
+#[derive(Clone, Copy)]
+struct Signal<'a> {
+    index: usize,
+    radiance: &'a TextureView,
+    output: Option<&'a GpuImage>,
+}
+
+/// Lists the passes of this frame: pipelines, and what they bind.
+pub fn prepare_denoise_passes(
+    mut commands: Commands,
+    views: Query<(
+        Entity,
+        &ExtractedView,
+        &ViewDenoise,
+        &ViewSignals,
+        &ViewGuides,
+        &DenoiseTargets,
+        &DenoiseState,
+        Option<&ViewPrepassTextures>,
+        Option<&ViewDenoiseDebug>,
+    )>,
+    pipelines: Option<ResMut<DenoisePipelines>>,
+    images: Res<RenderAssets<GpuImage>>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+) {
+    let Some(mut pipelines) = pipelines else {
+        return;
+    };
+    for (entity, view, denoise, signals, guides, targets, state, prepass, debug) in &views {
+        if targets.shape != shape(&denoise.settings, signals, guides.size, debug) {
+            continue;
+        }
+        let output = |handle: Option<&Handle<Image>>| handle.and_then(|handle| images.get(handle));
+        let wanted = denoise.output.as_ref();
+        let outputs = [
+            output(wanted.and_then(|output| output.specular.as_ref())),
+            output(wanted.and_then(|output| output.diffuse.as_ref())),
+        ];
+        let signal_list: Vec<Signal> = [&signals.specular, &signals.diffuse]
+            .into_iter()
+            .enumerate()
+            .filter_map(|(index, radiance)| {
+                Some(Signal {
+                    index,
+                    radiance: radiance.as_ref()?,
+                    output: outputs[index],
+                })
+            })
+            // Results that are to go into images must not end up in the picture while these are on their way.
+            .filter(|signal| wanted.is_none() || signal.output.is_some())
+            .collect();
+        let mut planner = Planner {
+            settings: &denoise.settings,
+            signals,
+            guides,
+            targets,
+            state: *state,
+            motion: prepass.and_then(ViewPrepassTextures::motion_vectors_view),
+            picture: view.target_format,
+            pipelines: &mut pipelines,
+            cache: &cache,
+            device: &device,
+        };
+        let mut passes = ViewDenoisePasses {
+            size: targets.shape.size,
+            cleared: targets
+                .list
+                .iter()
+                .map(|list| list.radiance.clone())
+                .collect(),
+            ..default()
+        };
+        for signal in &signal_list {
+            passes.accumulate.push(planner.accumulate(*signal));
+        }
+        if let Some(list) = &targets.list {
+            passes.accumulate.push(planner.resample_arguments(list));
+            if let Some(first) = signal_list.first() {
+                passes.filter.push(planner.merge(*first, list));
+            }
+        }
+        if let Some(remembered) = &targets.remembered {
+            passes.filter.push(planner.remember(remembered));
+        }
+        for signal in &signal_list {
+            planner.filter(*signal, &mut passes.filter);
+        }
+        if let (Some(debug), Some(first)) = (debug, signal_list.first()) {
+            passes.debug = Some(planner.debug(*first, debug));
+        }
+        commands.entity(entity).insert(passes);
+    }
+}
+
+/// Makes the passes of one view.
+struct Planner<'a> {
+    settings: &'a Denoise,
+    signals: &'a ViewSignals,
+    guides: &'a ViewGuides,
+    targets: &'a DenoiseTargets,
+    state: DenoiseState,
+    motion: Option<&'a TextureView>,
+    picture: TextureFormat,
+    pipelines: &'a mut DenoisePipelines,
+    cache: &'a PipelineCache,
+    device: &'a RenderDevice,
+}
+
+impl<'a> Planner<'a> {
+    fn defs(&self, signal: Option<Signal>, more: &[&str]) -> Vec<ShaderDefVal> {
+        let mut defs = self.guides.shader_defs.clone();
+        if signal.is_some_and(|signal| signal.index == 1) {
+            defs.push("DIFFUSE_SIGNAL".into());
+        }
+        defs.extend(more.iter().map(|def| ShaderDefVal::from(*def)));
+        defs
+    }
+
+    fn compute(
+        &mut self,
+        pass: Pass,
+        shader_defs: Vec<ShaderDefVal>,
+        bindings: &Bindings,
+    ) -> PreparedPass {
+        let key = PipelineKey {
+            pass,
+            shader_defs,
+            target: None,
+        };
+        let layout = vec![self.guides.layout.clone(), bindings.layout()];
+        PreparedPass {
+            label: pass.label(),
+            group: bindings.group(self.device, self.cache),
+            work: Work::Pixels(self.pipelines.compute(self.cache, key, layout)),
+        }
+    }
+
+    /// This frame's estimate, and the other one: the history before it is read, room for the guide afterwards.
+    fn estimates(&self, signal: Signal) -> (&'a TextureView, &'a TextureView) {
+        let slots = &self.targets.estimates[signal.index];
+        let current = self.state.current.min(slots.len() - 1);
+        (&slots[current], &slots[slots.len() - 1 - current])
+    }
+
+    fn accumulate(&mut self, signal: Signal) -> PreparedPass {
+        let targets = self.targets;
+        let (current, previous) = self.estimates(signal);
+        let mut defs = Vec::new();
+        let mut bindings = Bindings::new(Pass::Accumulate.label(), ShaderStages::COMPUTE)
+            .uniform(0, &targets.view)
+            .float(1, signal.radiance)
+            .write(2, current, WORD_FORMAT)
+            .update(3, &targets.supports, WORD_FORMAT);
+        if self.signals.scale > 1 {
+            defs.push("UPSAMPLE");
+        }
+        if self.settings.method == Method::Normal {
+            defs.push("METHOD_NORMAL");
+        }
+        if let Some(remembered) = &targets.remembered {
+            defs.push("HISTORY");
+            bindings = bindings.uint(4, previous).uint(5, remembered);
+            if let Some(motion) = self.motion {
+                defs.push("MOTION_VECTORS");
+                bindings = bindings.float(6, motion);
+            }
+            // Only what is reflected sharply moves otherwise than its surface.
+            if let (0, Some(hit_distance)) = (signal.index, &self.signals.hit_distance) {
+                defs.push("HIT_DISTANCE");
+                bindings = bindings.float(7, hit_distance);
+            }
+        }
+        // One list: the first signal decides.
+        let first = signal.index == 0 || self.signals.specular.is_none();
+        if let (true, Some(list)) = (first, &targets.list) {
+            defs.push("RESAMPLE");
+            bindings = bindings.read_write(8, &list.pixels);
+        }
+        let defs = self.defs(Some(signal), &defs);
+        self.compute(Pass::Accumulate, defs, &bindings)
+    }
+
+    fn resample_arguments(&mut self, list: &'a crate::targets::ListBuffers) -> PreparedPass {
+        let pass = Pass::ResampleArguments;
+        let bindings = Bindings::new(pass.label(), ShaderStages::COMPUTE)
+            .read_write(0, &list.pixels)
+            .read_write(1, &list.indirect);
+        let key = PipelineKey {
+            pass,
+            shader_defs: Vec::new(),
+            target: None,
+        };
+        PreparedPass {
+            label: pass.label(),
+            group: bindings.group(self.device, self.cache),
+            work: Work::Single(
+                self.pipelines
+                    .compute(self.cache, key, vec![bindings.layout()]),
+            ),
+        }
+    }
+
+    fn merge(&mut self, signal: Signal, list: &'a crate::targets::ListBuffers) -> PreparedPass {
+        let (current, _) = self.estimates(signal);
+        let mut defs = Vec::new();
+        let mut bindings = Bindings::new(Pass::Merge.label(), ShaderStages::COMPUTE)
+            .uniform(0, &self.targets.view)
+            .read(1, &list.pixels)
+            .read(2, &list.radiance)
+            .write(3, current, WORD_FORMAT)
+            .update(4, &self.targets.supports, WORD_FORMAT);
+        if let Some(marks) = &self.targets.marks {
+            defs.push("MARK_RESAMPLED");
+            bindings = bindings.write(5, marks, WORD_FORMAT);
+        }
+        let defs = self.defs(Some(signal), &defs);
+        let mut prepared = self.compute(Pass::Merge, defs, &bindings);
+        if let Work::Pixels(pipeline) = prepared.work {
+            prepared.work = Work::Listed(pipeline, list.indirect.clone());
+        }
+        prepared
+    }
+
+    fn remember(&mut self, remembered: &'a TextureView) -> PreparedPass {
+        let bindings = Bindings::new(Pass::Remember.label(), ShaderStages::COMPUTE)
+            .uniform(0, &self.targets.view)
+            .uint(1, &self.targets.supports)
+            .write(2, remembered, REMEMBERED_FORMAT);
+        let defs = self.defs(None, &[]);
+        self.compute(Pass::Remember, defs, &bindings)
+    }
+
+    fn method_defs(&self) -> Vec<&'static str> {
+        let mut defs = match self.settings.method {
+            Method::Guided => vec!["METHOD_GUIDED", "LOBE_WEIGHT"],
+            Method::Lobe => vec!["LOBE_WEIGHT"],
+            Method::Normal => vec!["METHOD_NORMAL"],
+            Method::AxisAligned => vec!["METHOD_AXIS_ALIGNED"],
+            Method::Distribution => vec!["METHOD_DISTRIBUTION"],
+        };
+        if self.settings.anisotropic {
+            defs.push("ANISOTROPIC");
+        }
+        defs
+    }
+
+    fn filter(&mut self, signal: Signal, passes: &mut Vec<PreparedPass>) {
+        let targets = self.targets;
+        let (estimate, other) = self.estimates(signal);
+        let mut method = self.method_defs();
+        if signal.index == 1 {
+            // A clamped cosine is round.
+            method.retain(|def| *def != "ANISOTROPIC");
+        }
+        if let (Method::Guided, Some(noise)) = (self.settings.method, targets.noise()) {
+            let bindings = Bindings::new(Pass::Residual.label(), ShaderStages::COMPUTE)
+                .uniform(0, &targets.view)
+                .uint(1, estimate)
+                .write(2, other, WORD_FORMAT);
+            let defs = self.defs(Some(signal), &[]);
+            passes.push(self.compute(Pass::Residual, defs, &bindings));
+            let bindings = Bindings::new(Pass::Noise.label(), ShaderStages::COMPUTE)
+                .uniform(0, &targets.view)
+                .uint(1, other)
+                .write(2, noise, WORD_FORMAT);
+            let defs = self.defs(Some(signal), &[]);
+            passes.push(self.compute(Pass::Noise, defs, &bindings));
+        }
+        if targets.shape.guide {
+            let noise = targets.noise().unwrap_or(estimate);
+            let bindings = Bindings::new(Pass::Guide.label(), ShaderStages::COMPUTE)
+                .uniform(0, &targets.view)
+                .uint(1, estimate)
+                .uint(2, noise)
+                .write(3, other, WORD_FORMAT)
+                .update(4, &targets.supports, WORD_FORMAT);
+            let defs = self.defs(Some(signal), &method);
+            passes.push(self.compute(Pass::Guide, defs, &bindings));
+        }
+        let guide_colors = if targets.shape.guide { other } else { estimate };
+        let last = targets.shape.stages - 1;
+        let mut source = estimate;
+        for (index, stage) in (0..).zip(&targets.stages) {
+            let is_last = index == last;
+            let visible = if is_last {
+                ShaderStages::FRAGMENT
+            } else {
+                ShaderStages::COMPUTE
+            };
+            let pass = if is_last {
+                Pass::LastStage
+            } else {
+                Pass::Stage
+            };
+            let mut bindings = Bindings::new(pass.label(), visible)
+                .uniform(0, &targets.view)
+                .uniform(1, stage)
+                .uint(2, source)
+                .uint(3, &targets.supports)
+                .uint(4, guide_colors);
+            if is_last {
+                let mut defs = method.clone();
+                defs.push("LAST_STAGE");
+                let defs = self.defs(Some(signal), &defs);
+                passes.push(self.draw(pass, signal, defs, &bindings));
+                break;
+            }
+            let target = &targets.scratch[index as usize % targets.scratch.len()];
+            bindings = bindings.write(5, target, WORD_FORMAT);
+            let defs = self.defs(Some(signal), &method);
+            passes.push(self.compute(pass, defs, &bindings));
+            source = target;
+        }
+    }
+
+    fn draw(
+        &mut self,
+        pass: Pass,
+        signal: Signal,
+        shader_defs: Vec<ShaderDefVal>,
+        bindings: &Bindings,
+    ) -> PreparedPass {
+        let target = match signal.output {
+            // 32-bit floats cannot be blended everywhere, and nothing is there to blend with.
+            Some(image) => (image.texture_descriptor.format, false),
+            None => (self.picture, true),
+        };
+        let key = PipelineKey {
+            pass,
+            shader_defs,
+            target: Some(target),
+        };
+        let layout = vec![self.guides.layout.clone(), bindings.layout()];
+        PreparedPass {
+            label: pass.label(),
+            group: bindings.group(self.device, self.cache),
+            work: Work::Draw(
+                self.pipelines.render(self.cache, key, layout),
+                signal.output.map(|image| image.texture_view.clone()),
+            ),
+        }
+    }
+
+    fn debug(&mut self, signal: Signal, debug: &ViewDenoiseDebug) -> PreparedPass {
+        let targets = self.targets;
+        let (estimate, other) = self.estimates(signal);
+        let guide_colors = if targets.shape.guide { other } else { estimate };
+        let mut defs = self.method_defs();
+        defs.push(debug.view.shader_def());
+        let mut bindings = Bindings::new(Pass::Debug.label(), ShaderStages::FRAGMENT)
+            .uniform(0, &targets.view)
+            .uniform(1, &targets.stages[0])
+            .uint(2, estimate)
+            .uint(3, &targets.supports)
+            .uint(4, guide_colors);
+        if let Some(remembered) = &targets.remembered {
+            defs.push("HISTORY");
+            bindings = bindings.uint(5, remembered);
+        }
+        if let Some(marks) = &targets.marks {
+            defs.push("MARK_RESAMPLED");
+            bindings = bindings.uint(6, marks);
+        }
+        let shader_defs = self.defs(Some(signal), &defs);
+        let key = PipelineKey {
+            pass: Pass::Debug,
+            shader_defs,
+            target: Some((self.picture, false)),
+        };
+        let layout = vec![self.guides.layout.clone(), bindings.layout()];
+        PreparedPass {
+            label: Pass::Debug.label(),
+            group: bindings.group(self.device, self.cache),
+            work: Work::Draw(self.pipelines.render(self.cache, key, layout), None),
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! What is held on the GPU for one view.
+
+use crate::EFFECT;
+use crate::types::{DIFFUSE_BIT, SPECULAR_BIT};
+use akari_render::ledger::GpuLedger;
+use bevy::image::ToExtents;
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, TextureDescriptor, TextureDimension, TextureFormat,
+    TextureUsages, TextureView, TextureViewDescriptor,
+};
+use bevy::render::renderer::RenderDevice;
+
+/// Format of estimates, intermediates and supports.
+pub const WORD_FORMAT: TextureFormat = TextureFormat::R32Uint;
+/// Format of what the next frame compares with.
+pub const REMEMBERED_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
+/// Share of the pixels that the list of pixels to be shaded again holds: one of so many.
+const LISTED_PIXELS: u32 = 8;
+/// Words before the pixels of the list: their number, the capacity, two of padding.
+pub const LIST_HEADER: u32 = 4;
+
+/// What decides which textures and buffers there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// Pixels of the full resolution.
+    pub size: UVec2,
+    /// Bits of the signals.
+    pub signals: u32,
+    /// Whether there is a history.
+    pub history: bool,
+    /// Whether there is a guide.
+    pub guide: bool,
+    /// Stages of the filter.
+    pub stages: u32,
+    /// Whether pixels are listed to be shaded again.
+    pub list: bool,
+    /// Whether those are marked for a debug view.
+    pub marks: bool,
+}
+
+/// Textures and buffers of one view.
+#[derive(Component)]
+pub struct DenoiseTargets {
+    /// What they were made for.
+    pub shape: Shape,
+    /// Estimates of the specular and of the diffuse signal: this frame's and the previous one's, or one only.
+    pub estimates: [Vec<TextureView>; 2],
+    /// Frames of history, later the guide's variance, of both signals.
+    pub supports: TextureView,
+    /// What the next frame compares with.
+    pub remembered: Option<TextureView>,
+    /// Intermediate results of the filter.
+    pub scratch: Vec<TextureView>,
+    /// Pixels to be shaded again.
+    pub list: Option<ListBuffers>,
+    /// Frame in which a pixel was last shaded again.
+    pub marks: Option<TextureView>,
+    /// Uniform of the view.
+    pub view: Buffer,
+    /// Uniforms of the stages.
+    pub stages: Vec<Buffer>,
+}
+
+/// Buffers of the list of pixels to be shaded again.
+pub struct ListBuffers {
+    /// Header and pixels.
+    pub pixels: Buffer,
+    /// Arguments of the indirect dispatch.
+    pub indirect: Buffer,
+    /// What the producer makes of them.
+    pub radiance: Buffer,
+    /// How many there may be.
+    pub capacity: u32,
+}
+
+impl DenoiseTargets {
+    /// Where the noise of a signal is kept until its guide is made: the first intermediate.
+    pub fn noise(&self) -> Option<&TextureView> {
+        self.scratch.first()
+    }
+
+    /// Makes them, and enters them into the ledger under the view's entity.
+    pub fn new(
+        shape: Shape,
+        view_bytes: u64,
+        stage_bytes: u64,
+        entity: Entity,
+        device: &RenderDevice,
+        ledger: &GpuLedger,
+    ) -> Self {
+        let pixels = u64::from(shape.size.x) * u64::from(shape.size.y);
+        let mut held = [0_u64; 5];
+        let texture = |label: &'static str, format: TextureFormat| {
+            device
+                .create_texture(&TextureDescriptor {
+                    label: Some(label),
+                    size: shape.size.to_extents(),
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: TextureDimension::D2,
+                    format,
+                    usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING,
+                    view_formats: &[],
+                })
+                .create_view(&TextureViewDescriptor::default())
+        };
+        // The second estimate holds the history and, after it was read, the guide.
+        let slots = if shape.history || shape.guide { 2 } else { 1 };
+        let estimates = [SPECULAR_BIT, DIFFUSE_BIT].map(|bit| {
+            if shape.signals & bit == 0 {
+                return Vec::new();
+            }
+            held[0] += 4 * slots * pixels;
+            (0..slots)
+                .map(|_| texture("akari_denoise_estimates", WORD_FORMAT))
+                .collect()
+        });
+        held[1] = 4 * pixels;
+        let supports = texture("akari_denoise_supports", WORD_FORMAT);
+        let remembered = shape.history.then(|| {
+            held[2] = 8 * pixels;
+            texture("akari_denoise_remembered", REMEMBERED_FORMAT)
+        });
+        // Two are enough to go to and fro; a guide's noise needs one before the first stage does.
+        let intermediates = (shape.stages - 1).min(2).max(u32::from(shape.guide));
+        let scratch: Vec<TextureView> = (0..intermediates)
+            .map(|_| {
+                held[3] += 4 * pixels;
+                texture("akari_denoise_scratch", WORD_FORMAT)
+            })
+            .collect();
+        let buffer = |label: &'static str, size: u64, usage: BufferUsages| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let list = shape.list.then(|| {
+            let capacity = (shape.size.x * shape.size.y / LISTED_PIXELS).max(1);
+            let list = ListBuffers {
+                pixels: buffer(
+                    "akari_denoise_listed",
+                    4 * u64::from(LIST_HEADER + capacity),
+                    BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+                ),
+                indirect: buffer(
+                    "akari_denoise_list_arguments",
+                    12,
+                    BufferUsages::STORAGE | BufferUsages::INDIRECT,
+                ),
+                radiance: buffer(
+                    "akari_denoise_list_radiance",
+                    16 * u64::from(capacity),
+                    BufferUsages::STORAGE | BufferUsages::COPY_DST,
+                ),
+                capacity,
+            };
+            held[4] = list.pixels.size() + list.indirect.size() + list.radiance.size();
+            list
+        });
+        let uniform = |size| {
+            buffer(
+                "akari_denoise_uniform",
+                size,
+                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            )
+        };
+        let names = ["estimates", "supports", "remembered", "scratch", "list"];
+        for (name, bytes) in names.into_iter().zip(held) {
+            ledger.set_bytes(EFFECT, format!("{name} of view {entity}"), bytes);
+        }
+        Self {
+            shape,
+            estimates,
+            supports,
+            remembered,
+            scratch,
+            list,
+            marks: shape
+                .marks
+                .then(|| texture("akari_denoise_marks", WORD_FORMAT)),
+            view: uniform(view_bytes),
+            stages: (0..shape.stages.max(1))
+                .map(|_| uniform(stage_bytes))
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The passes: filter the roughness in the G-buffer, then store lobes.
+
+use crate::pipeline::{BUILD_LABEL, FILTER_ROUGHNESS_LABEL, STORE_ROUGHNESS_LABEL};
+use crate::prepare::ViewLobesPasses;
+use akari_render::ledger::GpuLedger;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+    RenderPassDescriptor, StoreOp,
+};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::ViewUniformOffset;
+
+/// Invocations of a workgroup in each direction, as in the shaders.
+const WORKGROUP: u32 = 8;
+
+/// Geometric antialiasing: widens the roughness in the G-buffer. Both halves run, or neither.
+pub fn filter_roughness(
+    view: ViewQuery<(&ViewLobesPasses, &ViewPrepassTextures)>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, prepass) = view.into_inner();
+    let (Some((filter, filter_group)), Some((store, store_group)), Some(gbuffer)) =
+        (&passes.filter, &passes.store, prepass.deferred_view())
+    else {
+        return;
+    };
+    let (Some(filter), Some(store)) = (
+        cache.get_compute_pipeline(*filter),
+        cache.get_render_pipeline(*store),
+    ) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, FILTER_ROUGHNESS_LABEL);
+    {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+            label: Some(FILTER_ROUGHNESS_LABEL),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(filter);
+        pass.set_bind_group(0, filter_group, &[]);
+        let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+        pass.dispatch_workgroups(groups.x, groups.y, 1);
+    }
+    span.end(encoder);
+    ledger.count_pass(FILTER_ROUGHNESS_LABEL);
+
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(STORE_ROUGHNESS_LABEL),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view: gbuffer,
+            depth_slice: None,
+            resolve_target: None,
+            ops: Operations {
+                load: LoadOp::Load,
+                store: StoreOp::Store,
+            },
+        })],
+        ..default()
+    });
+    let span = diagnostics.pass_span(&mut pass, STORE_ROUGHNESS_LABEL);
+    pass.set_render_pipeline(store);
+    pass.set_bind_group(0, store_group, &[]);
+    pass.draw(0..3, 0..1);
+    span.end(&mut pass);
+    ledger.count_pass(STORE_ROUGHNESS_LABEL);
+}
+
+/// Stores the lobe of each pixel.
+pub fn build_lobes(
+    view: ViewQuery<(&ViewLobesPasses, &ViewUniformOffset)>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, view_offset) = view.into_inner();
+    let Some((pipeline, guides, target)) = &passes.build else {
+        return;
+    };
+    let Some(pipeline) = cache.get_compute_pipeline(*pipeline) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, BUILD_LABEL);
+    {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+            label: Some(BUILD_LABEL),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, guides, &[view_offset.offset]);
+        pass.set_bind_group(1, target, &[]);
+        let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+        pass.dispatch_workgroups(groups.x, groups.y, 1);
+    }
+    span.end(encoder);
+    ledger.count_pass(BUILD_LABEL);
+}

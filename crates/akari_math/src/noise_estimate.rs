@@ -1,0 +1,99 @@
+//! How much of an image is noise, from the image alone, and the weight of two pixels by a prefiltered image.
+//!
+//! A pixel's residual is what its like neighbours do not foretell of it. Noise is independent from pixel to pixel, so
+//! that what residuals have in common with those next to them is structure of the image, and only the rest is noise:
+//! the nugget of a variogram (Matheron 1963, "Principles of Geostatistics"). Its variance scales the distance of two
+//! pixels of the prefiltered image in the weight, as in non-local means filtering with variances (Rousselle, Knaus,
+//! Zwicker 2012, "Adaptive Rendering with Non-Local Means Filtering", equation 5): what differs by more than its noise is
+//! kept, so that a clean image is left alone.
+//!
+//! WGSL module: `akari_math::noise_estimate`.
+
+use crate::special::TINY;
+use glam::{Vec3, Vec4};
+
+/// Bits of a residual's mantissa, sign included: largest value and bias.
+const MANTISSA_MAX: f32 = 255.0;
+const MANTISSA_BIAS: f32 = 256.0;
+/// Exponents of two from −14 to 16.
+const MIN_EXPONENT: f32 = -15.0;
+const MAX_EXPONENT_CODE: f32 = 31.0;
+/// Correlation of the residuals of white noise with axial neighbours: each is foretold by means that share pixels.
+const WHITE_AXIAL: f32 = -0.18;
+/// The same with diagonal neighbours.
+const WHITE_DIAGONAL: f32 = -0.09;
+/// Correlation above that of white noise from which on there is structure.
+const COHERENCE_START: f32 = 0.3;
+/// Correlation over which it becomes all structure.
+const COHERENCE_RANGE: f32 = 0.35;
+/// Square of the standard deviations of noise by which two guides may differ.
+const GUIDE_STRENGTH_SQUARED: f32 = 4.0;
+/// Floor of the variance of a difference of guides.
+const MIN_GUIDE_VARIANCE: f32 = 1e-8;
+
+/// Residuals around a pixel and those next to them, pooled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coherence {
+    /// Products with the residuals to the right, below, below right, below left.
+    pub products: Vec4,
+    /// What these would be if the residuals were the same: means of the squares.
+    pub norms: Vec4,
+}
+
+/// Factor that makes the variance of (pixel − weighted mean of others) that of the pixel, from Σ w and Σ w².
+///
+/// Var(x − Σ w xⱼ / Σ w) = σ² (1 + Σ w² / (Σ w)²).
+#[must_use]
+pub fn prediction_error_scale(weights: f32, weights_squared: f32) -> f32 {
+    1.0 / (1.0 + weights_squared / (weights * weights).max(TINY)).sqrt()
+}
+
+/// Three signed numbers in 32 bits: 9 bits each and a common exponent of 5 bits. Error at most 1/510 of the largest
+/// channel's power of two; magnitudes above 65,536 become that.
+#[must_use]
+pub fn residual_pack(residual: Vec3) -> u32 {
+    let largest = residual.abs().max_element();
+    if largest < TINY {
+        return 0;
+    }
+    let code = (largest.log2().ceil() - MIN_EXPONENT).clamp(1.0, MAX_EXPONENT_CODE);
+    let scale = MANTISSA_MAX * (-(code + MIN_EXPONENT)).exp2();
+    let m = ((residual * scale).clamp(Vec3::splat(-MANTISSA_MAX), Vec3::splat(MANTISSA_MAX))
+        + Vec3::splat(MANTISSA_BIAS + 0.5))
+    .floor();
+    (m.x as u32) | ((m.y as u32) << 9) | ((m.z as u32) << 18) | ((code as u32) << 27)
+}
+
+/// The numbers of [`residual_pack`].
+#[must_use]
+pub fn residual_unpack(bits: u32) -> Vec3 {
+    if bits == 0 {
+        return Vec3::ZERO;
+    }
+    let scale = ((bits >> 27) as f32 + MIN_EXPONENT).exp2() / MANTISSA_MAX;
+    let m = Vec3::new(
+        (bits & 0x1ff) as f32,
+        ((bits >> 9) & 0x1ff) as f32,
+        ((bits >> 18) & 0x1ff) as f32,
+    );
+    (m - Vec3::splat(MANTISSA_BIAS)) * scale
+}
+
+/// Share of structure in residuals, from 0 (all noise) to 1 (none).
+#[must_use]
+pub fn coherence_share(coherence: Coherence) -> f32 {
+    let rho = coherence.products / coherence.norms.max(Vec4::splat(TINY))
+        - Vec4::new(WHITE_AXIAL, WHITE_AXIAL, WHITE_DIAGONAL, WHITE_DIAGONAL);
+    let most = rho.x.max(rho.y).max(rho.z.max(rho.w));
+    ((most - COHERENCE_START) / COHERENCE_RANGE).clamp(0.0, 1.0)
+}
+
+/// Log weight of two pixels of a prefiltered image (radiance, any unit) whose noise has these variances per channel:
+/// −½ mean((gᵢ − gⱼ)²) / (k² (Vᵢ + Vⱼ) + ε), k = 2.
+#[must_use]
+pub fn guided_log_weight(guide_i: Vec3, variance_i: f32, guide_j: Vec3, variance_j: f32) -> f32 {
+    let difference = guide_i - guide_j;
+    let distance_squared = (difference.dot(difference) * (1.0 / 3.0)).min(1e18);
+    -0.5 * distance_squared
+        / (GUIDE_STRENGTH_SQUARED * (variance_i + variance_j) + MIN_GUIDE_VARIANCE)
+}

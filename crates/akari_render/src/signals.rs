@@ -1,0 +1,102 @@
+//! What a pass that makes a noisy signal hands to the passes that clean it up.
+//!
+//! A producer inserts [`ViewSignals`] on the view in the render world, in `RenderSystems::PrepareResources`, and fills
+//! the textures in [`AkariPassSystems::Signals`]. `akari_denoise` accumulates, filters and adds them to the picture.
+//! Whoever can shade single pixels fills the list of [`ResampleList`], too, in [`AkariPassSystems::Resample`].
+
+use crate::guides::NeedsGuides;
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::pbr::deferred::deferred_lighting;
+use bevy::prelude::*;
+use bevy::render::RenderApp;
+use bevy::render::render_resource::{Buffer, TextureView};
+
+/// The order of the passes of `bevy_akari` in Bevy's `Core3d` schedule.
+///
+/// `Lobes` runs after the prepass; all others run after Bevy's deferred lighting and before the materials that are drawn
+/// forward.
+#[derive(SystemSet, Debug, Clone, PartialEq, Eq, Hash)]
+pub enum AkariPassSystems {
+    /// Specular lobes from the G-buffer.
+    Lobes,
+    /// Direct light that is free of noise is added to the picture.
+    Direct,
+    /// Producers fill the textures of [`ViewSignals`].
+    Signals,
+    /// Samples of this frame and the history become one estimate per pixel; pixels that have too little are listed.
+    Accumulate,
+    /// Producers shade the pixels of [`ResampleList`].
+    Resample,
+    /// The estimate is filtered and added to the picture.
+    Filter,
+}
+
+/// On a camera: one of its effects makes noisy signals, as [`ViewSignals`] in the render world. Effects require it.
+#[derive(Component, Debug, Default, Clone, Copy, Reflect)]
+#[reflect(Component, Default, Debug, Clone)]
+#[require(NeedsGuides)]
+pub struct MakesSignals;
+
+/// Noisy signals of one view: radiance in the unit of the view target, that is pre-exposed for the composite.
+///
+/// A texel `t` of a signal at scale `s` is the light at the pixel `s t + sample_offset(frame, s)` of the full
+/// resolution (`akari_math::reprojection::sample_offset`), so that `s²` frames together visit every pixel.
+#[derive(Component, Debug, Clone)]
+pub struct ViewSignals {
+    /// Radiance reflected by the specular lobe, or by all of the surface if there is no `diffuse`.
+    pub specular: Option<TextureView>,
+    /// Radiance reflected diffusely.
+    pub diffuse: Option<TextureView>,
+    /// Distance from the surface to what the specular lobe reflects, metres; 0 where it is not known.
+    pub hit_distance: Option<TextureView>,
+    /// Pixels of the full resolution per texel and axis: 1, 2 or 4.
+    pub scale: u32,
+    /// Index into the sequence of sample offsets.
+    pub frame: u32,
+    /// Whether what came before has nothing to do with this frame: a camera cut.
+    pub reset: bool,
+}
+
+/// Pixels whose samples and history together are too few to be filtered, for a producer to shade again.
+///
+/// `pixels` holds a header of four words, the number of pixels first, then one word a pixel, `y << 16 | x`.
+/// `indirect` holds the arguments of a dispatch of one invocation a pixel in workgroups of
+/// [`RESAMPLE_WORKGROUP`]. The producer writes the radiance of entry `k` to element `k` of `radiance` (`vec4<f32>`),
+/// with 1 in w; all elements are 0 before, and those whose w is not 1 are ignored.
+#[derive(Component, Debug, Clone)]
+pub struct ResampleList {
+    /// Header and pixels.
+    pub pixels: Buffer,
+    /// Arguments of the indirect dispatch.
+    pub indirect: Buffer,
+    /// Specular radiance of each entry.
+    pub radiance: Buffer,
+    /// Entries that the buffers hold; pixels beyond it are not resampled.
+    pub capacity: u32,
+}
+
+/// Invocations of a workgroup of a dispatch over [`ResampleList`].
+pub const RESAMPLE_WORKGROUP: u32 = 64;
+
+/// Puts the sets in order.
+pub(crate) fn build(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    use AkariPassSystems::{Accumulate, Direct, Filter, Lobes, Resample, Signals};
+    render_app.configure_sets(
+        Core3d,
+        (
+            (Lobes, Direct, Signals, Accumulate, Resample, Filter).chain(),
+            Lobes
+                .after(Core3dSystems::Prepass)
+                .before(Core3dSystems::MainPass),
+            // A producer may read what was lit so far, so that it and all that follows come after that.
+            (Direct, Signals, Accumulate, Resample, Filter)
+                .after(deferred_lighting)
+                .before(main_opaque_pass_3d)
+                .in_set(Core3dSystems::MainPass),
+        ),
+    );
+}

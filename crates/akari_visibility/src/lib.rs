@@ -21,14 +21,22 @@
 //!
 //! Functions with a WGSL twin follow the rules of [`akari_math`]; [`WGSL_MODULES`] lists the sources.
 
+#![allow(
+    clippy::excessive_precision,
+    clippy::approx_constant,
+    reason = "literals are those of the WGSL twins"
+)]
+
 pub mod bake;
 pub mod container;
 pub mod face;
 pub mod grid;
 pub mod identity;
+mod merge;
 pub mod part;
 pub mod pool;
 pub mod query;
+mod records;
 pub mod sites;
 pub mod tree;
 

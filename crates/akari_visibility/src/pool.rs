@@ -108,7 +108,7 @@ impl TreePool {
     fn bits(&self, node: usize) -> u64 {
         let word = tree_word(node as u32) as usize;
         let pair = u64::from(self.words[word]) | u64::from(self.words[word + 1]) << 32;
-        if node % 2 == 0 {
+        if node.is_multiple_of(2) {
             pair & 0xffff_ffff_ffff
         } else {
             pair >> 16
@@ -301,7 +301,7 @@ impl TreePoolBuilder {
             return Err(PoolError::Full);
         }
         for &bits in &tree.nodes {
-            if self.pool.node_count % 2 == 0 {
+            if self.pool.node_count.is_multiple_of(2) {
                 self.pool
                     .words
                     .extend([bits as u32, (bits >> 32) as u32 & 0xffff]);

@@ -386,9 +386,8 @@ impl SampleGrid {
             }
         }
         for (index, point) in self.hanging.iter().enumerate() {
-            if !(is_sample(point.from) && is_sample(point.to))
-                || !(point.weight > 0.0 && point.weight < 1.0)
-            {
+            let is_between = point.weight > 0.0 && point.weight < 1.0;
+            if !(is_between && is_sample(point.from) && is_sample(point.to)) {
                 return Err(format!(
                     "point {index} is between samples that are not there"
                 ));

@@ -227,7 +227,7 @@ impl Tree {
     pub fn node_words(&self, index: u32) -> [u32; 2] {
         let node = self.nodes.get(index as usize).copied().unwrap_or(0);
         let (low, high) = (node as u32, (node >> 32) as u32);
-        if index % 2 == 0 {
+        if index.is_multiple_of(2) {
             [low, high]
         } else {
             [low << 16, low >> 16 | high << 16]

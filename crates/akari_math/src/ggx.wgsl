@@ -108,7 +108,9 @@ fn ggx_anisotropic_lobe(normal: vec3<f32>, view: vec3<f32>, alpha: f32) -> Aniso
     let m = ggx_dominant_visible_normal(normal, view, alpha);
     let lobe = ggx_reflection_lobe(normal, view, alpha);
     let frame = shading_frame(normal, view);
-    let stretch = clamp(dot(view, m), MIN_V_DOT_M, 1.0);
+    let v_dot_m = clamp(dot(view, m), MIN_V_DOT_M, 1.0);
+    // Towards a circle with roughness.
+    let stretch = v_dot_m + (1.0 - v_dot_m) * (alpha * alpha);
     return AnisotropicLobe(
         lobe.axis,
         safe_normalize(cross(frame[1], lobe.axis), frame[0]),

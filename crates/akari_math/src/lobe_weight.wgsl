@@ -2,6 +2,7 @@
 
 // Twin: `lobe_weight.rs`, where the formulas, domains, error bounds and sources are. Change both or neither.
 
+#import akari_math::frame::{orthonormal_basis}
 #import akari_math::special::{TINY, one_minus_exp_neg_over_x, safe_normalize}
 
 // Inverse sharpness of the SG nearest to the clamped cosine.
@@ -16,6 +17,8 @@ const EXACT_ABOVE: f32 = 0.2;
 const MIN_VARIANCE: f32 = 1e-20;
 // Largest distance in standard deviations: its square is finite.
 const MAX_DEVIATIONS: f32 = 1e6;
+// Largest hit distance, and what stands for a miss: the sum of two is finite.
+const MAX_HIT_DISTANCE: f32 = 1e30;
 // Floor of the screen Gaussian's variance, in pixels squared: the next pixel's weight is 0.
 const MIN_SCREEN_VARIANCE: f32 = 1e-4;
 // Largest difference of radiance that is told from a larger one; floor of the squared floor of the guide.
@@ -37,10 +40,10 @@ fn log_one_minus(u: f32, one_minus_u: f32) -> f32 {
 
 // Langevin's function coth(y) - 1 / y, for y >= 0.
 fn langevin(y: f32) -> f32 {
-    if y < 2.0 {
-        // Lambert's continued fraction.
+    if y < 1.5 {
+        // A convergent of Lambert's continued fraction.
         let z = y * y;
-        return y / (3.0 + z / (5.0 + z / (7.0 + z / (9.0 + z / (11.0 + z / 13.0)))));
+        return y * (3465.0 + z * (189.0 + z)) / (10395.0 + z * (1260.0 + z * 21.0));
     }
     let tail = exp(-2.0 * y);
     return 1.0 + 2.0 * tail / (1.0 - tail) - 1.0 / y;
@@ -67,7 +70,14 @@ fn bounded_inverse_sharpness(inverse_sharpness: f32) -> f32 {
 }
 
 // Log weight of two lobes, for inverse sharpnesses v and 1 / kappa.
-fn lobe_log_weight(axis_i: vec3<f32>, v_i: f32, axis_j: vec3<f32>, v_j: f32, beta: f32, inverse_kappa: f32) -> f32 {
+fn lobe_log_weight(
+    axis_i: vec3<f32>,
+    v_i: f32,
+    axis_j: vec3<f32>,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
     let a = bounded_inverse_sharpness(v_i);
     let b = bounded_inverse_sharpness(v_j);
     let sum = (a + b) + 2.0 * inverse_kappa;
@@ -78,7 +88,14 @@ fn lobe_log_weight(axis_i: vec3<f32>, v_i: f32, axis_j: vec3<f32>, v_j: f32, bet
 }
 
 // The same by the exact integral of the product.
-fn lobe_log_weight_exact(axis_i: vec3<f32>, v_i: f32, axis_j: vec3<f32>, v_j: f32, beta: f32, inverse_kappa: f32) -> f32 {
+fn lobe_log_weight_exact(
+    axis_i: vec3<f32>,
+    v_i: f32,
+    axis_j: vec3<f32>,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
     let a = bounded_inverse_sharpness(v_i);
     let b = bounded_inverse_sharpness(v_j);
     let sum = (a + b) + 2.0 * inverse_kappa;
@@ -101,11 +118,19 @@ fn lobe_log_weight_exact(axis_i: vec3<f32>, v_i: f32, axis_j: vec3<f32>, v_j: f3
     let kept = 2.0 * spread * one_minus_exp_neg_over_x(2.0 * spread);
     let numerator = r * r * kept;
     let denominator = product + numerator;
-    return beta * (0.5 * log_one_minus(numerator / denominator, product / denominator) - log_sinhc_difference(total, shorter));
+    let of_sharpnesses = 0.5 * log_one_minus(numerator / denominator, product / denominator);
+    return beta * (of_sharpnesses - log_sinhc_difference(total, shorter));
 }
 
 // The exact form where either smoothed lobe has a sharpness below 5, the approximation where both have one above 10.
-fn lobe_log_weight_auto(axis_i: vec3<f32>, v_i: f32, axis_j: vec3<f32>, v_j: f32, beta: f32, inverse_kappa: f32) -> f32 {
+fn lobe_log_weight_auto(
+    axis_i: vec3<f32>,
+    v_i: f32,
+    axis_j: vec3<f32>,
+    v_j: f32,
+    beta: f32,
+    inverse_kappa: f32,
+) -> f32 {
     let widest = max(v_i, v_j) + inverse_kappa;
     if widest <= APPROXIMATE_BELOW {
         return lobe_log_weight(axis_i, v_i, axis_j, v_j, beta, inverse_kappa);
@@ -139,7 +164,9 @@ fn anisotropic_log_weight(
     let ceiling_v = vec2<f32>(MAX_INVERSE_SHARPNESS);
     let a = min(max(variance_i, floor_v), ceiling_v) + vec2<f32>(inverse_kappa);
     let b = min(max(variance_j, floor_v), ceiling_v) + vec2<f32>(inverse_kappa);
-    let middle = safe_normalize(axis_i + axis_j, tangent_i);
+    // Opposite axes: a direction that is the same for both, up to a reflection.
+    let opposite = orthonormal_basis(axis_i);
+    let middle = safe_normalize(axis_i + axis_j, opposite[0]);
     let t_i = transport(tangent_i, axis_i, middle);
     let t_j = transport(tangent_j, axis_j, middle);
     let b_i = transport(cross(axis_i, tangent_i), axis_i, middle);
@@ -160,7 +187,10 @@ fn anisotropic_log_weight(
     let offset = axis_i - axis_j;
     let along_i = vec2<f32>(dot(offset, t_i), dot(offset, b_i));
     let along_j = vec2<f32>(dot(offset, t_j), dot(offset, b_j));
-    let form = a.x * along_i.y * along_i.y + a.y * along_i.x * along_i.x + b.x * along_j.y * along_j.y + b.y * along_j.x * along_j.x;
+    let form = a.x * along_i.y * along_i.y
+        + a.y * along_i.x * along_i.x
+        + b.x * along_j.y * along_j.y
+        + b.y * along_j.x * along_j.x;
     return 0.5 * beta * (log_one_minus(numerator / determinant, product / determinant) - form / determinant);
 }
 
@@ -171,7 +201,14 @@ fn normal_log_weight(normal_i: vec3<f32>, normal_j: vec3<f32>, sigma_n_squared: 
 }
 
 // Log weight by mean and variance of two distributions of values.
-fn distribution_log_weight(mean_i: f32, variance_i: f32, mean_j: f32, variance_j: f32, beta: f32, smoothing_variance: f32) -> f32 {
+fn distribution_log_weight(
+    mean_i: f32,
+    variance_i: f32,
+    mean_j: f32,
+    variance_j: f32,
+    beta: f32,
+    smoothing_variance: f32,
+) -> f32 {
     let a = max(variance_i, MIN_VARIANCE);
     let b = max(variance_j, MIN_VARIANCE);
     let sum = (a + b) + 2.0 * smoothing_variance;
@@ -206,7 +243,9 @@ fn plane_log_weight(normal_i: vec3<f32>, normal_j: vec3<f32>, offset: vec3<f32>,
 
 // Log weight by the distances at which the lobes' rays hit.
 fn hit_distance_log_weight(hit_i: f32, hit_j: f32, v_i: f32, v_j: f32, strength: f32) -> f32 {
-    let relative = abs(hit_i - hit_j) / max(hit_i + hit_j, TINY);
+    let a = min(max(hit_i, 0.0), MAX_HIT_DISTANCE);
+    let b = min(max(hit_j, 0.0), MAX_HIT_DISTANCE);
+    let relative = abs(a - b) / max(a + b, TINY);
     let deviations = strength * relative * (1.0 - relative_lobe_width(max(v_i, v_j)));
     return -0.5 * deviations * deviations;
 }

@@ -2,7 +2,7 @@
 //!
 //! Slow and meant for tests and table generators alone.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
@@ -255,6 +255,130 @@ fn smith_lambda(cosine: f64, alpha: f64) -> f64 {
     let x = alpha * alpha * (1.0 - cosine * cosine) / (cosine * cosine);
     // (sqrt(1 + x) - 1) / 2 without its cancellation.
     0.5 * x / ((1.0 + x).sqrt() + 1.0)
+}
+
+/// Langevin's function `coth y − 1/y`.
+#[must_use]
+pub fn langevin(y: f64) -> f64 {
+    if y < 0.05 {
+        let z = y * y;
+        return y * (1.0 / 3.0 - z * (1.0 / 45.0 - z * (2.0 / 945.0 - z / 4725.0)));
+    }
+    1.0 / y.tanh() - 1.0 / y
+}
+
+/// `log(sinh m / m) − log(sinh x / x)` for `x = m − a`.
+#[must_use]
+pub fn log_sinhc_difference(m: f64, a: f64) -> f64 {
+    let x = m - a;
+    if m < 40.0 {
+        static NODES: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
+        let nodes = NODES.get_or_init(|| gauss_legendre(64));
+        let mean: f64 = nodes.iter().map(|(t, w)| w * langevin(x + a * t)).sum();
+        return a * mean;
+    }
+    // sinh(y) / y = e^y E(2y).
+    a + (-(-2.0 * m).exp()).ln_1p()
+        - (1.0 - a / m).recip().ln()
+        - if x > 0.0 {
+            (-(-2.0 * x).exp()).ln_1p()
+        } else {
+            // Both the last terms diverge; together they are log(2 m).
+            return m - (2.0 * m).ln();
+        }
+}
+
+/// Lobe-aware weight of Tokuyoshi 2015 as printed there, for smoothed inverse sharpnesses and the squared distance of
+/// the axes.
+#[must_use]
+pub fn lobe_weight(v_i: f64, v_j: f64, chord_squared: f64, beta: f64) -> f64 {
+    let (i, j) = (1.0 / v_i, 1.0 / v_j);
+    (2.0 * (i / (i + j)).sqrt() * (j / (i + j)).sqrt()).powf(beta)
+        * (-0.5 * beta * chord_squared * i * (j / (i + j))).exp()
+}
+
+/// The same by the exact integral of the product of two spherical Gaussians over the sphere.
+#[must_use]
+pub fn lobe_weight_exact(v_i: f64, v_j: f64, chord_squared: f64, beta: f64) -> f64 {
+    let (i, j) = (1.0 / v_i, 1.0 / v_j);
+    let product = sg_product_integral(i, j, 0.5 * chord_squared);
+    let norms = sg_product_integral(i, i, 0.0).sqrt() * sg_product_integral(j, j, 0.0).sqrt();
+    (product / norms).min(1.0).powf(beta)
+}
+
+/// A lobe of elliptic cross section: unit axis, tangent, variances along the tangent and across it.
+#[derive(Clone, Copy, Debug)]
+pub struct EllipticLobe {
+    /// Unit axis.
+    pub axis: DVec3,
+    /// Unit tangent.
+    pub tangent: DVec3,
+    /// Variances.
+    pub variance: [f64; 2],
+}
+
+/// L2 cosine to the power of `beta` of two Gaussians on the plane midway between the axes, by covariance matrices.
+#[must_use]
+pub fn anisotropic_weight(i: EllipticLobe, j: EllipticLobe, beta: f64) -> f64 {
+    let (axis_i, axis_j) = (i.axis.normalize(), j.axis.normalize());
+    let sum = axis_i + axis_j;
+    if sum.length() < 1e-9 {
+        return 0.0;
+    }
+    let middle = sum.normalize();
+    let u = middle.any_orthonormal_vector();
+    let w = middle.cross(u);
+    let covariance = |lobe: EllipticLobe, axis: DVec3| {
+        let turn = DQuat::from_rotation_arc(axis, middle);
+        let tangent = (lobe.tangent - axis * axis.dot(lobe.tangent)).normalize();
+        let (t, b) = (turn * tangent, turn * axis.cross(tangent));
+        let column = |v: DVec3| {
+            lobe.variance[0] * t.dot(v) * DVec2::new(t.dot(u), t.dot(w))
+                + lobe.variance[1] * b.dot(v) * DVec2::new(b.dot(u), b.dot(w))
+        };
+        DMat2::from_cols(column(u), column(w))
+    };
+    let (a, b) = (covariance(i, axis_i), covariance(j, axis_j));
+    let both = a + b;
+    let d = axis_i - axis_j;
+    let d = DVec2::new(d.dot(u), d.dot(w));
+    let areas = i.variance[0] * i.variance[1] * j.variance[0] * j.variance[1];
+    let prefactor = 2.0 * areas.powf(0.25) / both.determinant().sqrt();
+    prefactor.powf(beta) * (-0.5 * beta * d.dot(both.inverse() * d)).exp()
+}
+
+/// Factors of `f0` and of `f90` in the directional albedo of GGX, by quadrature over `n × n` visible normals (Heitz
+/// 2018, "Sampling the GGX Distribution of Visible Normals").
+#[must_use]
+pub fn ggx_albedo_terms(alpha: f64, n_dot_v: f64, n: usize) -> [f64; 2] {
+    let view = DVec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);
+    let stretched = DVec3::new(alpha * view.x, 0.0, view.z).normalize();
+    let tangent = stretched.cross(DVec3::Y);
+    let mut sum = [0.0; 2];
+    for row in 0..n {
+        for column in 0..n {
+            let radius = ((row as f64 + 0.5) / n as f64).sqrt();
+            let (sine, cosine) = (TAU * (column as f64 + 0.5) / n as f64).sin_cos();
+            let across = radius * sine;
+            let blend = 0.5 * (1.0 + stretched.z);
+            let along = (1.0 - blend) * (1.0 - across * across).sqrt() + blend * radius * cosine;
+            let up = (1.0 - across * across - along * along).max(0.0).sqrt();
+            let visible = across * DVec3::Y + along * tangent + up * stretched;
+            let half =
+                DVec3::new(alpha * visible.x, alpha * visible.y, visible.z.max(0.0)).normalize();
+            let v_dot_h = view.dot(half).clamp(0.0, 1.0);
+            let light = 2.0 * v_dot_h * half - view;
+            if light.z <= 0.0 {
+                continue;
+            }
+            let weight = smith_masking_shadowing(n_dot_v, light.z, alpha)
+                / (smith_masking(n_dot_v, alpha) * (n * n) as f64);
+            let schlick = (1.0 - v_dot_h).powi(5);
+            sum[0] += weight * (1.0 - schlick);
+            sum[1] += weight * schlick;
+        }
+    }
+    sum
 }
 
 #[cfg(test)]

@@ -41,6 +41,13 @@ fn history_blend(history_length: f32, confidence: f32, max_length: f32) -> f32 {
 }
 
 // Whether the point seen in the frame before lies off the plane through `position`.
-fn plane_disocclusion(position: vec3<f32>, normal: vec3<f32>, previous_position: vec3<f32>, distance_to_viewer: f32, tolerance: f32) -> bool {
-    return abs(dot(normal, previous_position - position)) > tolerance * distance_to_viewer;
+fn plane_disocclusion(
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    previous_position: vec3<f32>,
+    distance_to_viewer: f32,
+    tolerance: f32,
+) -> bool {
+    let within = abs(dot(normal, previous_position - position)) <= tolerance * distance_to_viewer;
+    return !within;
 }

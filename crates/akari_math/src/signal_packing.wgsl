@@ -4,11 +4,11 @@
 
 // Largest value of a channel.
 const MAX_RADIANCE: f32 = 65504.0;
-// Of the sum: smallest number with a full mantissa 2^-12, 1 over the smallest number 2^-23.
-const MIN_NORMAL_SUM: f32 = 0.000244140625;
-const SUBNORMALS_PER_UNIT: f32 = 8388608.0;
-// Difference of the exponent biases of f32 and of the sum, 127 - 13, above eleven bits of mantissa.
-const EXPONENT_OFFSET: u32 = 233472u;
+// Of the sum: smallest number with a full mantissa 2^-13, 1 over the smallest number 2^-24.
+const MIN_NORMAL_SUM: f32 = 0.0001220703125;
+const SUBNORMALS_PER_UNIT: f32 = 16777216.0;
+// Difference of the exponent biases of f32 and of the sum, 127 - 14, above eleven bits of mantissa.
+const EXPONENT_OFFSET: u32 = 231424u;
 // Steps of f32's mantissa in one of the sum's.
 const DROPPED_STEPS: f32 = 4096.0;
 const CHROMA_MAX: f32 = 255.0;
@@ -61,7 +61,8 @@ fn log_variance_pack(x: f32) -> u32 {
     if x < ZERO_VARIANCE_BELOW {
         return 0u;
     }
-    let t = (clamp(log2(x), MIN_LOG_VARIANCE, MAX_LOG_VARIANCE) - MIN_LOG_VARIANCE) / (MAX_LOG_VARIANCE - MIN_LOG_VARIANCE);
+    let t = (clamp(log2(x), MIN_LOG_VARIANCE, MAX_LOG_VARIANCE) - MIN_LOG_VARIANCE)
+        / (MAX_LOG_VARIANCE - MIN_LOG_VARIANCE);
     return 1u + u32(floor(t * LOG_VARIANCE_STEPS + 0.5));
 }
 

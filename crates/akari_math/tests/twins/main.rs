@@ -1,6 +1,7 @@
 //! The twin table: every WGSL function of `akari_math` against its Rust twin, and the twin against the formula in f64.
 
 mod bounds;
+mod filters;
 mod footprints;
 mod ggx;
 mod hard_classes;
@@ -11,8 +12,13 @@ mod lookup;
 mod ltc;
 mod packing;
 mod properties;
+mod reflection_lobes;
 mod sg;
+mod signals;
 mod special;
+mod weight_properties;
+mod weight_terms;
+mod weights;
 
 use akari_gpu_test::{gpu_or_skip, module_functions};
 use akari_math::WGSL_MODULES;
@@ -29,6 +35,10 @@ fn table() -> Vec<Case> {
     cases.extend(lookup::cases());
     cases.extend(light_image::cases());
     cases.extend(bounds::cases());
+    cases.extend(signals::cases());
+    cases.extend(weights::cases());
+    cases.extend(weight_terms::cases());
+    cases.extend(filters::cases());
     cases
 }
 

@@ -1,0 +1,575 @@
+//! Rows of `ndf_filter`, `reprojection` and `directional_albedo`.
+
+use crate::harness::{Case, Mutation, Random, absolute, domain, dvec3, push3, rows, ulp, vec3};
+use akari_math::ndf_filter::{
+    NormalCone, NormalMoments, filtered_alpha, geometric_roughness_variance,
+    normal_cone_inverse_sharpness,
+};
+use akari_math::reprojection::{
+    history_blend, plane_disocclusion, quad_offset, sample_offset, virtual_hit_point,
+    virtual_motion_weight,
+};
+use akari_math::{directional_albedo, oracle};
+use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
+
+const NDF: &str = "akari_math::ndf_filter";
+const REPROJECTION: &str = "akari_math::reprojection";
+const ALBEDO: &str = "akari_math::directional_albedo";
+
+fn mutation(module: &'static str, from: &'static str, to: &'static str) -> Mutation {
+    Mutation { module, from, to }
+}
+
+fn ndf_case() -> Case {
+    Case {
+        module: NDF,
+        functions: &[
+            "geometric_roughness_variance",
+            "filtered_alpha",
+            "normal_cone_inverse_sharpness",
+        ],
+        imports: "",
+        body: "let variance = geometric_roughness_variance(x_vec3(0u), x_vec3(3u), x(6u), x(7u));
+            y(0u, variance);
+            y(1u, filtered_alpha(x(8u), variance));
+            y(2u, normal_cone_inverse_sharpness(x(9u)));",
+        inputs: 10,
+        outputs: 3,
+        twin: |x, y| {
+            let variance = geometric_roughness_variance(vec3(x, 0), vec3(x, 3), x[6], x[7]);
+            y.extend([
+                variance,
+                filtered_alpha(x[8], variance),
+                normal_cone_inverse_sharpness(x[9]),
+            ]);
+        },
+        oracle: Some(|x, y| {
+            let sum = dvec3(x, 0).length_squared() + dvec3(x, 3).length_squared();
+            let added = (x[6] * sum).min(x[7]);
+            let deficit = x[9].clamp(0.0, 1.0);
+            let r = (1.0 - deficit).sqrt().max(f64::from(1e-3_f32));
+            y.extend([
+                0.5 * added,
+                (x[8] * x[8] + added).clamp(0.0, 1.0).sqrt(),
+                // Banerjee's sharpness, as printed but for the floor of R.
+                deficit / (r * (3.0 - (1.0 - deficit))),
+            ]);
+        }),
+        domains: vec![
+            domain(
+                "pixels",
+                rows(250, 1000, |random, row| {
+                    push3(row, random.direction() * random.log_range(-5.0, 0.5));
+                    push3(row, random.direction() * random.log_range(-5.0, 0.5));
+                    row.extend([
+                        random.range(0.05, 0.5),
+                        random.range(0.1, 1.0),
+                        random.log_range(-4.0, 0.0),
+                        random.log_range(-8.0, -0.01),
+                    ]);
+                }),
+                ulp(8),
+                ulp(6),
+            ),
+            domain(
+                "flat, folded, without a mean",
+                vec![
+                    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.159, 0.18, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0,
+                    0.0, 0.159, 10.0, 1.0, 1.0, 1e3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.159, 0.18, 0.5,
+                    2.0,
+                ],
+                ulp(4),
+                ulp(4),
+            ),
+        ],
+        mutations: vec![
+            mutation(NDF, "return 0.5 * min(", "return 0.50001 * min("),
+            mutation(NDF, "alpha * alpha + 2.0 *", "alpha * alpha + 1.999 *"),
+            mutation(NDF, "(2.0 + deficit)", "(3.0 - deficit)"),
+            mutation(
+                NDF,
+                "MIN_RESULTANT: f32 = 1e-3",
+                "MIN_RESULTANT: f32 = 2e-3",
+            ),
+        ],
+    }
+}
+
+fn reprojection_cases() -> Vec<Case> {
+    vec![
+        Case {
+            module: REPROJECTION,
+            functions: &["virtual_hit_point", "virtual_motion_weight", "history_blend"],
+            imports: "",
+            body: "y_vec3(0u, virtual_hit_point(x_vec3(0u), x_vec3(3u), x(6u)) / max(x(6u), 1.0));
+                y(3u, virtual_motion_weight(x(7u)));
+                y(4u, history_blend(x(8u), x(9u), x(10u)));",
+            inputs: 11,
+            outputs: 5,
+            twin: |x, y| {
+                push3(
+                    y,
+                    virtual_hit_point(vec3(x, 0), vec3(x, 3), x[6]) / x[6].max(1.0),
+                );
+                y.push(virtual_motion_weight(x[7]));
+                y.push(history_blend(x[8], x[9], x[10]));
+            },
+            oracle: Some(|x, y| {
+                let point = dvec3(x, 0) - dvec3(x, 3) * x[6].clamp(0.0, 1e15);
+                y.extend((point / x[6].max(1.0)).to_array());
+                let w = (x[7] * 2.133).sqrt().min(1.0);
+                y.push(1.0 - w * w * (3.0 - 2.0 * w));
+                let kept = x[8].max(0.0).min((x[10] - 1.0).max(0.0)) * x[9].clamp(0.0, 1.0);
+                y.push(1.0 / (1.0 + kept));
+            }),
+            domains: vec![
+                domain(
+                    "pixels",
+                    rows(251, 1000, |random, row| {
+                        push3(row, random.direction() * random.range(0.1, 10.0));
+                        push3(row, random.direction());
+                        row.extend([
+                            random.log_range(-3.0, 4.0),
+                            random.log_range(-8.0, 1.0),
+                            random.range(0.0, 64.0).floor(),
+                            random.range(0.0, 1.0),
+                            random.range(1.0, 64.0).floor(),
+                        ]);
+                    }),
+                    absolute(1.5e-6),
+                    absolute(1.2e-6),
+                ),
+                domain(
+                    "a miss, a mirror, no history",
+                    vec![
+                        1.0, 2.0, 3.0, 0.0, 0.6, 0.8, 1e30, 0.0, 0.0, 1.0, 32.0, 1.0, 2.0, 3.0,
+                        0.0, 0.6, 0.8, -1.0, 1e30, -1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+                        0.0, 0.46882325, 1e6, 1.0, 1e6,
+                    ],
+                    absolute(4e-7),
+                    absolute(4e-7),
+                ),
+            ],
+            mutations: vec![
+                mutation(REPROJECTION, "position - view *", "position - 1.001 * view *"),
+                mutation(REPROJECTION, "t * t * (3.0 - 2.0 * t)", "t * t * (3.0 - 2.001 * t)"),
+                mutation(REPROJECTION, "1.0 / (1.0 + kept)", "1.0 / (1.001 + kept)"),
+                mutation(REPROJECTION, "MAX_HIT_DISTANCE: f32 = 1e15", "MAX_HIT_DISTANCE: f32 = 1e31"),
+            ],
+        },
+        Case {
+            module: REPROJECTION,
+            functions: &["sample_offset", "quad_offset", "plane_disocclusion"],
+            imports: "",
+            body: "let offset = sample_offset(u32(x(0u)), u32(x(1u)));
+                y_vec2(0u, vec2<f32>(offset));
+                y_vec2(2u, vec2<f32>(quad_offset(u32(x(0u)))));
+                y(4u, select(0.0, 1.0, plane_disocclusion(x_vec3(2u), x_vec3(5u), x_vec3(8u), x(11u), x(12u))));",
+            inputs: 13,
+            outputs: 5,
+            twin: |x, y| {
+                y.extend(sample_offset(x[0] as u32, x[1] as u32).as_vec2().to_array());
+                y.extend(quad_offset(x[0] as u32).as_vec2().to_array());
+                let off = plane_disocclusion(vec3(x, 2), vec3(x, 5), vec3(x, 8), x[11], x[12]);
+                y.push(f32::from(u8::from(off)));
+            },
+            oracle: None,
+            domains: vec![domain(
+                "frames, scales, points off the plane",
+                rows(252, 500, |random, row| {
+                    row.push(random.range(0.0, 1000.0).floor());
+                    row.push([1.0, 2.0, 4.0, 0.0, 3.0, 8.0][random.range(0.0, 6.0) as usize]);
+                    let position = random.direction() * 5.0;
+                    let normal = random.direction();
+                    push3(row, position);
+                    push3(row, normal);
+                    // Not so near the tolerance that rounding would decide.
+                    let height = [0.0, 0.04, 0.06, -0.1][random.range(0.0, 4.0) as usize];
+                    let along = normal.cross(random.direction()) * random.range(0.0, 3.0);
+                    push3(row, position + along + height * normal);
+                    row.extend([5.0, 0.01]);
+                }),
+                ulp(0),
+                ulp(0),
+            )],
+            mutations: vec![
+                mutation(REPROJECTION, "quad_offset(frame >> 2u)", "quad_offset(frame >> 1u)"),
+                mutation(REPROJECTION, "(index ^ (index >> 1u)) & 1u", "index & 1u"),
+                mutation(REPROJECTION, "tolerance * distance_to_viewer", "tolerance"),
+            ],
+        },
+    ]
+}
+
+fn albedo_case() -> Case {
+    Case {
+        module: ALBEDO,
+        functions: &["ggx_directional_albedo", "ggx_albedo_terms"],
+        imports: "",
+        body: "y_vec2(0u, ggx_albedo_terms(x(4u), x(5u)));
+            y_vec3(2u, ggx_directional_albedo(x_vec3(0u), x(3u), x(4u), x(5u)));",
+        inputs: 6,
+        outputs: 5,
+        twin: |x, y| {
+            y.extend(directional_albedo::ggx_albedo_terms(x[4], x[5]).to_array());
+            push3(
+                y,
+                directional_albedo::ggx_directional_albedo(vec3(x, 0), x[3], x[4], x[5]),
+            );
+        },
+        oracle: None,
+        domains: vec![
+            domain(
+                "materials",
+                rows(253, 1000, |random, row| {
+                    for _ in 0..6 {
+                        row.push(random.range(0.0, 1.0));
+                    }
+                }),
+                ulp(0),
+                absolute(2e-6),
+            ),
+            domain(
+                "horizon, mirror, beyond",
+                vec![
+                    0.04, 0.5, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 1.0, 0.04, 0.5, 1.0,
+                    1.0, 1.0, 0.0, 0.04, 0.5, 1.0, 1.0, 2.0, -1.0, 0.04, 0.5, 1.0, 1.0, 1e-3, 1e-6,
+                ],
+                ulp(0),
+                absolute(2e-6),
+            ),
+        ],
+        mutations: vec![
+            mutation(ALBEDO, "- 3.01 * a", "- 3.0 * a"),
+            mutation(ALBEDO, "+ 4.858 * a", "+ 4.86 * a"),
+            mutation(ALBEDO, "MIN_ALBEDO: f32 = 1e-3", "MIN_ALBEDO: f32 = 1e-2"),
+        ],
+    }
+}
+
+pub fn cases() -> Vec<Case> {
+    let mut cases = vec![ndf_case(), albedo_case()];
+    cases.extend(reprojection_cases());
+    cases
+}
+
+/// Largest and root mean square error of the fitted factors against quadrature.
+fn albedo_errors(terms: impl Fn(f32, f32) -> Vec2) -> (f64, f64) {
+    let (mut largest, mut squares, mut count): (f64, f64, f64) = (0.0, 0.0, 0.0);
+    for step in 0..=24 {
+        let roughness = f64::from(step) / 24.0;
+        let alpha = (roughness * roughness).max(1e-4);
+        for cosine in [
+            0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
+        ] {
+            let exact = oracle::ggx_albedo_terms(alpha, cosine, 96);
+            let fitted = terms(roughness as f32, cosine as f32).as_dvec2();
+            for (fitted, exact) in fitted.to_array().into_iter().zip(exact) {
+                let error = (fitted - exact).abs();
+                largest = largest.max(error);
+                squares += error * error;
+                count += 1.0;
+            }
+        }
+    }
+    (largest, (squares / count).sqrt())
+}
+
+#[test]
+fn directional_albedo_is_near_the_integral() {
+    let (largest, rms) = albedo_errors(directional_albedo::ggx_albedo_terms);
+    println!("directional albedo: at most {largest:.4}, rms {rms:.4}");
+    assert!(largest < 0.022 && rms < 0.0065);
+    // Fresnel's curve alone, which a specular signal is often divided by, is not it.
+    let (largest, _) = albedo_errors(|_, cosine| {
+        let grazing = (1.0 - cosine).powi(5);
+        Vec2::new(1.0 - grazing, grazing)
+    });
+    assert!(largest > 0.5, "{largest}");
+    // The quadrature: white and smooth is 1 in all; known for α = 1 at normal incidence (Karis's table: 0.307).
+    let mirror = oracle::ggx_albedo_terms(1e-4, 0.5, 64);
+    assert!(
+        (mirror[0] + mirror[1] - 1.0).abs() < 1e-3 && (mirror[1] - 0.5_f64.powi(5)).abs() < 1e-3
+    );
+}
+
+#[test]
+fn directional_albedo_is_smooth_and_positive() {
+    for r in 0..=200 {
+        let mut previous: Option<Vec2> = None;
+        for c in 0..=2000 {
+            let terms = directional_albedo::ggx_albedo_terms(r as f32 / 200.0, c as f32 / 2000.0);
+            assert!(
+                terms.min_element() >= 0.0 && terms.x + terms.y <= 1.0 + 1e-6,
+                "{r} {c}"
+            );
+            assert!(terms.x + terms.y > 0.25, "{r} {c}: {terms}");
+            if let Some(previous) = previous {
+                // At the horizon, smooth surfaces lose and regain an eighth within some α of cosine.
+                let bound = if c < 40 { 0.15 } else { 0.01 };
+                assert!((terms - previous).abs().max_element() < bound, "{r} {c}");
+            }
+            previous = Some(terms);
+        }
+    }
+    let dark = directional_albedo::ggx_directional_albedo(Vec3::ZERO, 0.0, 0.5, 0.5);
+    assert_eq!(dark, Vec3::splat(directional_albedo::MIN_ALBEDO));
+}
+
+/// Sharpness of the spherical Gaussian whose mean has the length `r`, by bisection.
+fn inverse_langevin(r: f64) -> f64 {
+    let (mut lo, mut hi) = (0.0, 1e9);
+    for _ in 0..200 {
+        let middle = 0.5 * (lo + hi);
+        if oracle::langevin(middle) < r {
+            lo = middle;
+        } else {
+            hi = middle;
+        }
+    }
+    0.5 * (lo + hi)
+}
+
+#[test]
+fn normal_cones() {
+    let mut worst: f64 = 0.0;
+    for step in 1..1000 {
+        let deficit = f64::from(step) / 1000.0;
+        let exact = 1.0 / inverse_langevin((1.0 - deficit).sqrt());
+        let ours = f64::from(normal_cone_inverse_sharpness(deficit as f32));
+        worst = worst.max((ours / exact - 1.0).abs());
+    }
+    println!("Banerjee's sharpness: within {worst:.4}");
+    assert!(worst < 0.05 && worst > 0.04, "{worst}");
+
+    // The deficit of a merge, against the length in f64, for cones that nearly vanish in f32.
+    let mut random = Random::new(254);
+    for spread in [1e-5, 1e-3, 0.1, 2.0] {
+        let center = random.direction();
+        let normals: Vec<Vec3> = (0..256)
+            .map(|_| {
+                let angle = spread * random.range(0.0, 1.0);
+                random.around(center, angle)
+            })
+            .collect();
+        let mut cones: Vec<NormalCone> = normals
+            .iter()
+            .map(|&n| NormalCone::from_normal(n))
+            .collect();
+        while cones.len() > 1 {
+            cones = cones
+                .chunks_exact(4)
+                .map(|quad| NormalCone::merge_quad([quad[0], quad[1], quad[2], quad[3]]))
+                .collect();
+        }
+        let mean = normals
+            .iter()
+            .map(|n| n.as_dvec3().normalize())
+            .sum::<DVec3>()
+            / 256.0;
+        let scatter = normals
+            .iter()
+            .map(|n| n.as_dvec3().normalize().distance_squared(mean))
+            .sum::<f64>()
+            / 256.0;
+        let error = (f64::from(cones[0].deficit) / scatter - 1.0).abs();
+        assert!(
+            error < 2e-2 * (1e-5 / f64::from(spread)).max(1e-3),
+            "{spread}: {error}"
+        );
+        assert!((cones[0].mean.as_dvec3() - mean).length() < 1e-6);
+        if spread < 1e-4 {
+            // From the length of the mean nothing is left.
+            let length_squared = cones[0].mean.length_squared();
+            assert!((f64::from(1.0 - length_squared) / scatter - 1.0).abs() > 0.5);
+        }
+    }
+    assert_eq!(NormalCone::merge(&[]), NormalCone::default());
+    assert_eq!(NormalCone::from_normal(Vec3::ZERO).mean, Vec3::Z);
+}
+
+/// Moments of `normals` by mips of 2 × 2.
+fn mip(normals: &[Vec3], size: usize) -> NormalMoments {
+    let mut size = size;
+    let mut texels: Vec<NormalMoments> = normals
+        .iter()
+        .map(|&n| NormalMoments::from_normal(n))
+        .collect();
+    while size > 1 {
+        let half = size / 2;
+        texels = (0..half * half)
+            .map(|index| {
+                let (x, y) = (2 * (index % half), 2 * (index / half));
+                NormalMoments::merge_quad([
+                    texels[y * size + x],
+                    texels[y * size + x + 1],
+                    texels[(y + 1) * size + x],
+                    texels[(y + 1) * size + x + 1],
+                ])
+            })
+            .collect();
+        size = half;
+    }
+    texels[0]
+}
+
+#[test]
+fn moments_of_a_mip_chain() {
+    let mut random = Random::new(255);
+    for (mean, spread) in [(0.0, 1.0), (5.0, 0.1), (5.0, 1e-3), (30.0, 1e-2)] {
+        let normals: Vec<Vec3> = (0..64 * 64)
+            .map(|_| {
+                let slope = Vec2::new(
+                    mean + spread * random.range(-1.0, 1.0),
+                    spread * random.range(-1.0, 2.0),
+                );
+                Vec3::new(-slope.x, -slope.y, 1.0).normalize()
+            })
+            .collect();
+        let slopes: Vec<DVec2> = normals
+            .iter()
+            .map(|n| NormalMoments::from_normal(*n).mean_slope.as_dvec2())
+            .collect();
+        let count = slopes.len() as f64;
+        let exact_mean = slopes.iter().sum::<DVec2>() / count;
+        let exact = slopes
+            .iter()
+            .map(|s| *s - exact_mean)
+            .fold(DVec3::ZERO, |sum, d| {
+                sum + DVec3::new(d.x * d.x, d.y * d.y, d.x * d.y) / count
+            });
+        let moments = mip(&normals, 64);
+        let error =
+            (moments.covariance.as_dvec3() - exact).abs().max_element() / exact.max_element();
+        println!("slopes {mean} ± {spread}: covariance off by {error:.1e}");
+        // What remains is the rounding of the means, relative to the spread.
+        assert!(error < 1e-6 + 1e-6 * f64::from(mean / spread), "{error}");
+        assert!((moments.mean_slope.as_dvec2() - exact_mean).length() < 1e-5);
+        let n = moments.mean_normal();
+        assert!((n.length() - 1.0).abs() < 1e-6 && n.z > 0.0);
+        if spread < 1e-2 {
+            // As LEAN mapping has it, in f32: the difference of raw moments.
+            let raw = slopes.iter().map(|s| (s.x * s.x) as f32).sum::<f32>() / count as f32
+                - (moments.mean_slope.x * moments.mean_slope.x);
+            assert!(
+                (f64::from(raw) / exact.x - 1.0).abs() > 0.5,
+                "{raw} {}",
+                exact.x
+            );
+        }
+    }
+    // Parts of any weight: a texel counted thrice.
+    let (a, b) = (Vec3::new(0.3, 0.0, 1.0), Vec3::new(-0.2, 0.4, 1.0));
+    let [a, b] = [a, b].map(NormalMoments::from_normal);
+    let weighted = NormalMoments::merge(&[(3.0, a), (1.0, b), (0.0, b)]);
+    let quad = NormalMoments::merge_quad([a, a, b, a]);
+    assert!((weighted.covariance - quad.covariance).abs().max_element() < 1e-7);
+    assert!(
+        (weighted.slope_variance() - 0.5 * (quad.covariance.x + quad.covariance.y)).abs() < 1e-7
+    );
+    assert!(weighted.slope_variance() > 0.03);
+    assert_eq!(NormalMoments::merge(&[]), NormalMoments::default());
+    for normal in [
+        Vec3::ZERO,
+        Vec3::X,
+        -Vec3::Z,
+        Vec3::new(1.0, 1.0, 1e-30),
+        Vec3::splat(f32::NAN),
+    ] {
+        let slope = NormalMoments::from_normal(normal).mean_slope;
+        assert!(
+            slope.is_finite() && slope.abs().max_element() <= 100.0,
+            "{normal}: {slope}"
+        );
+    }
+}
+
+/// Filtered α of a rough surface from its microscopic normals: a GGX of α has twice its slope variance added.
+#[test]
+fn filtering_adds_variances() {
+    let one = filtered_alpha(filtered_alpha(0.1, 0.01), 0.02);
+    assert!((one - filtered_alpha(0.1, 0.03)).abs() < 1e-7);
+    assert_eq!(filtered_alpha(0.0, 0.0), 0.0);
+    assert_eq!(filtered_alpha(0.5, 100.0), 1.0);
+    // A silhouette adds no more than κ to α².
+    let edge = geometric_roughness_variance(Vec3::splat(3.0), Vec3::ZERO, 0.159, 0.18);
+    assert!((filtered_alpha(0.0, edge) - 0.18_f32.sqrt()).abs() < 1e-6);
+}
+
+/// Smallest distance between two of the first `count` samples of a block of `scale`, with the blocks about it.
+fn smallest_distance(count: u32, scale: u32, order: impl Fn(u32) -> UVec2) -> f32 {
+    let mut smallest = f32::INFINITY;
+    for i in 0..count {
+        for j in 0..count {
+            let d = order(i).as_ivec2() - order(j).as_ivec2();
+            for shift in -1..=1 {
+                for other in -1..=1 {
+                    let d = (d + scale as i32 * glam::IVec2::new(shift, other)).as_vec2();
+                    if d != Vec2::ZERO {
+                        smallest = smallest.min(d.length());
+                    }
+                }
+            }
+        }
+    }
+    smallest
+}
+
+#[test]
+fn samples_visit_each_pixel_once() {
+    for scale in [1, 2, 4] {
+        for start in [0, 1, 7, u32::MAX - 3] {
+            let mut visited: Vec<UVec2> = (0..scale * scale)
+                .map(|k| sample_offset(start.wrapping_add(k), scale))
+                .collect();
+            assert!(visited.iter().all(|p| p.max_element() < scale));
+            visited.sort_by_key(|p| (p.y, p.x));
+            visited.dedup();
+            assert_eq!(
+                visited.len(),
+                (scale * scale) as usize,
+                "{scale} from {start}"
+            );
+        }
+    }
+    // Runs of 2, 4, 8 and 16 frames, from any multiple of their length: the largest distances that there are.
+    for start in (0..16).step_by(2) {
+        let order = |k| sample_offset(start + k, 4);
+        assert_eq!(smallest_distance(2, 4, order), 8.0_f32.sqrt(), "{start}");
+        if start % 4 == 0 {
+            assert_eq!(smallest_distance(4, 4, order), 2.0, "{start}");
+        }
+        if start % 8 == 0 {
+            assert_eq!(smallest_distance(8, 4, order), 2.0_f32.sqrt(), "{start}");
+        }
+    }
+    // Row by row it would be 1.
+    assert_eq!(smallest_distance(2, 4, |k| UVec2::new(k % 4, k / 4)), 1.0);
+}
+
+#[test]
+fn reprojections() {
+    // A plane mirror z = 0: the image of the hit point is the same from wherever it is seen.
+    let hit = Vec3::new(0.7, -0.3, 2.0);
+    let image = Vec3::new(hit.x, hit.y, -hit.z);
+    for viewer in [Vec3::new(1.0, 2.0, 1.5), Vec3::new(-3.0, 0.5, 0.7)] {
+        let t = viewer.z / (viewer.z - image.z);
+        let position = viewer + t * (image - viewer);
+        let view = (viewer - position).normalize();
+        let seen = virtual_hit_point(position, view, hit.distance(position));
+        assert!((seen - image).length() < 1e-5, "{seen}");
+    }
+    assert_eq!(virtual_motion_weight(0.0), 1.0);
+    assert_eq!(virtual_motion_weight(0.5), 0.0);
+    assert!((virtual_motion_weight(2.0 * 0.16 * 0.16) - 0.74).abs() < 0.01);
+    // A mean of ones stays; of k samples the k-th counts 1/k.
+    for k in 0..8 {
+        assert_eq!(history_blend(k as f32, 1.0, 32.0), 1.0 / (1.0 + k as f32));
+    }
+    assert_eq!(history_blend(100.0, 1.0, 4.0), 0.25);
+    assert_eq!(history_blend(100.0, 0.0, 4.0), 1.0);
+    assert_eq!(history_blend(100.0, 1.0, 0.0), 1.0);
+    let plane = |p: Vec3| plane_disocclusion(Vec3::ZERO, Vec3::Z, p, 10.0, 0.01);
+    assert!(!plane(Vec3::new(50.0, 0.0, 0.05)) && plane(Vec3::new(0.0, 0.0, 0.2)));
+    assert!(plane(Vec3::splat(f32::NAN)));
+}

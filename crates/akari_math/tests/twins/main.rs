@@ -10,6 +10,7 @@ mod layout;
 mod light_image;
 mod lookup;
 mod ltc;
+mod noise;
 mod packing;
 mod properties;
 mod reflection_lobes;
@@ -38,6 +39,7 @@ fn table() -> Vec<Case> {
     cases.extend(signals::cases());
     cases.extend(weights::cases());
     cases.extend(weight_terms::cases());
+    cases.extend(noise::cases());
     cases.extend(filters::cases());
     cases
 }

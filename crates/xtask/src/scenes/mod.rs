@@ -4,7 +4,9 @@ mod cornell;
 mod document;
 mod gallery;
 mod glb;
+mod glossy;
 mod mesh;
+mod normal_mapped;
 mod pattern;
 mod png;
 mod roughness_map;
@@ -29,8 +31,23 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
         ("empty.glb", small::empty().finish()),
         ("floor_light.glb", small::floor_light().finish()),
         ("gallery.glb", gallery::gallery().finish()),
+        ("incident_edge.glb", glossy::incident_edge().finish()),
         ("many_lights.glb", small::many_lights().finish()),
+        ("moving_object.glb", glossy::moving_object().finish()),
+        ("normal_mapped.glb", normal_mapped::normal_mapped().finish()),
         ("roughness_map.glb", roughness_map::roughness_map().finish()),
+        (
+            "sphere_medium.glb",
+            glossy::spheres("sphere_medium", glossy::MEDIUM).finish(),
+        ),
+        (
+            "sphere_rough.glb",
+            glossy::spheres("sphere_rough", glossy::ROUGH).finish(),
+        ),
+        (
+            "sphere_sharp.glb",
+            glossy::spheres("sphere_sharp", glossy::SHARP).finish(),
+        ),
         (
             "spheres_hexagon.glb",
             spheres::spheres(spheres::Light::Hexagon).finish(),

@@ -123,6 +123,24 @@ pub fn face_side(face: u32, side: u32) -> Vec3 {
     face_permute(face, Vec3::new(0.0, outwards, depth))
 }
 
+/// A vector that is nearly in the plane of a side, put exactly there: its part across the side becomes plus or minus its
+/// part along the axis of the face.
+///
+/// All faces that meet at a side or a corner then agree exactly on its direction. Without that, cuts of a light that is
+/// large against its distance would lie off the side by the rounding of the light's extent, not of their own length.
+/// Where opposite sides meet, on the axis across which they lie, both parts are nothing but rounding: they become 0.
+#[must_use]
+pub fn face_onto_side(face: u32, side: u32, v: Vec3) -> Vec3 {
+    let forward = face_permute(face, Vec3::Z);
+    let lateral = face_permute(face, if side < 2 { Vec3::X } else { Vec3::Y });
+    let depth = face_sign(face) * v.dot(forward);
+    let across = if side & 1 == 1 { -depth } else { depth };
+    if (v.dot(lateral) - across).abs() > 0.25 * depth.abs() {
+        return Vec3::select((forward + lateral).cmpgt(Vec3::splat(0.5)), Vec3::ZERO, v);
+    }
+    Vec3::select(lateral.cmpgt(Vec3::splat(0.5)), Vec3::splat(across), v)
+}
+
 /// Point of the border of a face at a coordinate of [`PackedLine`]: counter-clockwise from (−1, −1). Exact.
 #[must_use]
 pub fn border_point(steps: u32) -> Vec2 {

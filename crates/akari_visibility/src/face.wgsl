@@ -75,6 +75,18 @@ fn face_side(face: u32, side: u32) -> vec3<f32> {
     return face_permute(face, vec3<f32>(0.0, outwards, depth));
 }
 
+// A vector that is nearly in the plane of a side, put exactly there.
+fn face_onto_side(face: u32, side: u32, v: vec3<f32>) -> vec3<f32> {
+    let forward = face_permute(face, vec3<f32>(0.0, 0.0, 1.0));
+    let lateral = face_permute(face, select(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(1.0, 0.0, 0.0), side < 2u));
+    let depth = face_sign(face) * dot(v, forward);
+    let across = select(depth, -depth, (side & 1u) == 1u);
+    if abs(dot(v, lateral) - across) > 0.25 * abs(depth) {
+        return select(v, vec3<f32>(0.0), (forward + lateral) > vec3<f32>(0.5));
+    }
+    return select(v, vec3<f32>(across), lateral > vec3<f32>(0.5));
+}
+
 // Point of the border of a face, counter-clockwise from (-1, -1).
 fn border_point(steps: u32) -> vec2<f32> {
     let side = (steps >> SIDE_STEP_BITS) & 3u;

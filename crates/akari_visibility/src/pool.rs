@@ -118,8 +118,11 @@ impl TreePool {
     /// The two words that [`tree_node`] reads; zeros where there is no such node.
     #[must_use]
     pub fn node_words(&self, index: u32) -> [u32; 2] {
+        if index as usize >= self.node_count {
+            return [0; 2];
+        }
         let word = tree_word(index) as usize;
-        [word, word + 1].map(|word| self.words.get(word).copied().unwrap_or(0))
+        [self.words[word], self.words[word + 1]]
     }
 
     /// The node of an index, or `None` where there is none.

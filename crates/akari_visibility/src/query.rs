@@ -54,16 +54,15 @@
 //!
 //! WGSL module: `akari_visibility::query`.
 
-use crate::face::{FACES, face_of, face_side, line_plane};
+use crate::face::{FACES, face_of, face_onto_side, face_side, line_plane};
 use crate::pool::TreePool;
 use crate::tree::{MAX_PENDING, Tree, TreeLink, TreeNode, leaf_visibility, tree_node, tree_word};
 use akari_math::polygon::plane_crossing;
 use akari_math::special::{max_abs_component, safe_normalize};
 use glam::Vec3;
 
-/// Vertices that a traversal can hold: the light, the polygon at hand, and those that wait. 48 to 80 take the same time
-/// on scenes; 24 costs a few percent.
-pub const POLYGON_POOL: usize = 64;
+/// Vertices that a traversal can hold: the light, the polygon at hand, and those that wait.
+pub const POLYGON_POOL: usize = 80;
 
 /// Most vertices of a light.
 pub const MAX_LIGHT_VERTICES: usize = 16;
@@ -269,11 +268,12 @@ pub fn traversal_drop(t: &mut Traversal) {
     traversal_move(t, to);
 }
 
-/// Writes the part of the current polygon on one side of a plane (unit normal) behind it.
+/// Writes the part of the current polygon on one side of a plane (unit normal) behind it. `side` is that of the face,
+/// or 4 where the plane is that of a line.
 ///
 /// Vertices with their bit in `outside` are on the other side, those with their bit in neither mask on the plane.
 /// Crossings are computed from the vertices of the edge in their order, and so are the same for both sides.
-pub fn traversal_clip(t: &mut Traversal, plane: Vec3, outside: u32, inside: u32) {
+pub fn traversal_clip(t: &mut Traversal, plane: Vec3, side: u32, outside: u32, inside: u32) {
     let mut write = t.first + t.count;
     let mut a = t.vertices[t.first as usize];
     for i in 0..t.count {
@@ -286,7 +286,11 @@ pub fn traversal_clip(t: &mut Traversal, plane: Vec3, outside: u32, inside: u32)
         let leaves = (inside >> i) & (outside >> next);
         let enters = (outside >> i) & (inside >> next);
         if (leaves | enters) & 1 != 0 {
-            t.vertices[write as usize] = plane_crossing(a, b, plane.dot(a), plane.dot(b));
+            let mut crossing = plane_crossing(a, b, plane.dot(a), plane.dot(b));
+            if side < 4 {
+                crossing = face_onto_side(t.face, side, crossing);
+            }
+            t.vertices[write as usize] = crossing;
             write += 1;
         }
         a = b;
@@ -300,8 +304,9 @@ pub fn traversal_split(t: &mut Traversal, word0: u32, word1: u32) {
     let plane;
     let mut take_negative = false;
     let mut take_positive = true;
+    let mut side = 4;
     if t.link >= SIDE {
-        let side = t.link - SIDE;
+        side = t.link - SIDE;
         plane = face_side(t.face, side);
         node = TreeNode {
             line: 0,
@@ -382,7 +387,7 @@ pub fn traversal_split(t: &mut Traversal, word0: u32, word1: u32) {
         };
         return;
     }
-    traversal_clip(t, plane, outside, inside);
+    traversal_clip(t, plane, side, outside, inside);
     let uncut = t.first;
     let uncut_count = t.count;
     t.first = uncut + uncut_count;

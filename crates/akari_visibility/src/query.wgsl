@@ -4,11 +4,11 @@
 
 #import akari_math::special::{max_abs_component, safe_normalize}
 #import akari_math::polygon::plane_crossing
-#import akari_visibility::face::{face_side, line_plane}
+#import akari_visibility::face::{face_onto_side, face_side, line_plane}
 #import akari_visibility::tree::{TREE_LEAF, TreeNode, leaf_visibility, tree_node, tree_word}
 
 // Vertices that a traversal can hold: the light, the polygon at hand, and those that wait.
-const POLYGON_POOL: u32 = 64u;
+const POLYGON_POOL: u32 = 80u;
 const MAX_LIGHT_VERTICES: u32 = 16u;
 const MAX_PENDING: u32 = 16u;
 // A vertex closer to a plane than this, relative to its largest coordinate, is on it.
@@ -187,8 +187,8 @@ fn traversal_drop(t: ptr<function, Traversal>) {
     traversal_move(t, min((*t).first, (*t).light_count));
 }
 
-// Writes the part of the current polygon on one side of a plane behind it.
-fn traversal_clip(t: ptr<function, Traversal>, plane: vec3<f32>, outside: u32, inside: u32) {
+// Writes the part of the current polygon on one side of a plane behind it. `side` is that of the face, or 4.
+fn traversal_clip(t: ptr<function, Traversal>, plane: vec3<f32>, side: u32, outside: u32, inside: u32) {
     var write = (*t).first + (*t).count;
     var a = (*t).vertices[(*t).first];
     for (var i = 0u; i < (*t).count; i++) {
@@ -201,7 +201,11 @@ fn traversal_clip(t: ptr<function, Traversal>, plane: vec3<f32>, outside: u32, i
         let leaves = (inside >> i) & (outside >> next);
         let enters = (outside >> i) & (inside >> next);
         if ((leaves | enters) & 1u) != 0u {
-            (*t).vertices[write] = plane_crossing(a, b, dot(plane, a), dot(plane, b));
+            var crossing = plane_crossing(a, b, dot(plane, a), dot(plane, b));
+            if side < 4u {
+                crossing = face_onto_side((*t).face, side, crossing);
+            }
+            (*t).vertices[write] = crossing;
             write += 1u;
         }
         a = b;
@@ -214,8 +218,9 @@ fn traversal_split(t: ptr<function, Traversal>, word0: u32, word1: u32) {
     var plane: vec3<f32>;
     var take_negative = false;
     var take_positive = true;
+    var side = 4u;
     if (*t).link >= SIDE {
-        let side = (*t).link - SIDE;
+        side = (*t).link - SIDE;
         plane = face_side((*t).face, side);
         node = TreeNode(0u, NOTHING, traversal_side(t, side + 1u));
     } else {
@@ -281,7 +286,7 @@ fn traversal_split(t: ptr<function, Traversal>, word0: u32, word1: u32) {
         (*t).link = select(node.negative, node.positive, take_positive);
         return;
     }
-    traversal_clip(t, plane, outside, inside);
+    traversal_clip(t, plane, side, outside, inside);
     let uncut = (*t).first;
     let uncut_count = (*t).count;
     (*t).first = uncut + uncut_count;

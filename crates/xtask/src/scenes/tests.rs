@@ -4,6 +4,8 @@ use super::vec3::{self, Vec3};
 use super::*;
 use crate::workspace;
 
+mod denoiser;
+
 /// A file read back, with its own reader.
 struct Glb {
     json: Value,
@@ -241,7 +243,7 @@ fn lights_are_black_one_sided_and_face_the_objects() {
                 (1.0..=100.0).contains(&strength.as_f64().unwrap()),
                 "{at}: {strength}"
             );
-            // Towards the point of the floor below it, and towards the middle of the scene unless it is one of many.
+            // Not upwards, and towards the middle of the scene unless it is one of many.
             let facing = light.facing();
             assert!(vec3::dot(facing, [0.0, -1.0, 0.0]) >= 0.0, "{at} faces up");
             if name != "many_lights.glb" {

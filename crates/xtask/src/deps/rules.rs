@@ -113,6 +113,14 @@ pub const RULES: &[Rule] = &[
         only: None,
     },
     Rule {
+        package: "akari_bake",
+        may_use: &["akari_scene", "akari_visibility"],
+        // The path tracer's rays are what the bits are held against.
+        tests_may_use: &["akari_reference"],
+        engine: Engine::None,
+        only: None,
+    },
+    Rule {
         package: "akari_visibility",
         may_use: &["akari_math"],
         tests_may_use: &["akari_gpu_test"],

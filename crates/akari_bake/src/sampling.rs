@@ -1,0 +1,230 @@
+//! What a sample sees: its origin off the surface, its horizon, and the bits of its six faces.
+
+use akari_visibility::face::FACES as FACE_COUNT;
+use akari_visibility::sites::Site;
+use glam::{DVec3, Vec3};
+
+use crate::coverage::{Origin, TILE, Tile, Window, cover, half_line};
+use crate::cube::FACES;
+use crate::geometry::Geometry;
+use crate::mask::FaceMask;
+use crate::weld::corner_angle;
+
+/// Distance of ray origins from the surface as a share of the scene's diagonal. Vertices are rounded to 6e-8 of it, so
+/// that surfaces which coincide are told apart from the sample's own side by a factor of more than 100.
+const OFFSET_OF_DIAGONAL: f64 = 1e-5;
+/// The same as a share of the smallest triangle at the sample (square root of its area): small things in a large scene
+/// keep their shape.
+const OFFSET_OF_TRIANGLE: f64 = 0.02;
+/// Never less than this share of the largest coordinate: 8 ULP.
+const OFFSET_OF_COORDINATE: f64 = 8.0 * f32::EPSILON as f64;
+/// Hits nearer than this share of the offset do not count: what touches the origin is not in front of it.
+const TMIN: f64 = 1.0 / 16.0;
+/// How far origins move into their triangles, as a share of the offset: at the foot of a wall that shares no vertices
+/// with the floor, the floor's samples must not lie in the wall's plane.
+const PULL: f64 = 0.25;
+
+/// Where rays start, and which directions matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SamplePoint {
+    /// On the surface, in the geometry's frame.
+    pub(crate) position: DVec3,
+    /// Mean of the normals of its triangles, unit; none if no triangle there has an area.
+    pub(crate) normal: Option<DVec3>,
+    /// From `position` along the normal to where rays start.
+    lift: f64,
+    /// From `position` along the surface to where rays start.
+    pull: DVec3,
+    tmin: f64,
+    /// A direction matters if it is above one of these planes.
+    horizons: Vec<DVec3>,
+    /// All directions matter; those below the normal start on the back.
+    two_sided: bool,
+}
+
+impl SamplePoint {
+    /// Where rays start on the front (1) or on the back (−1); none if there is no surface.
+    pub(crate) fn origin(&self, side: f64, max_distance: Option<f32>) -> Option<Origin> {
+        Some(Origin {
+            position: self.position + side * self.lift * self.normal? + self.pull,
+            tmin: self.tmin,
+            tmax: max_distance.map_or(f64::INFINITY, f64::from),
+        })
+    }
+}
+
+impl Geometry<'_> {
+    fn vertex_position(&self, vertex: u32) -> DVec3 {
+        self.adjacency
+            .corners(vertex)
+            .next()
+            .map_or(DVec3::ZERO, |(t, k)| self.receivers[t][k].as_dvec3())
+    }
+
+    /// The sample at a site.
+    pub(crate) fn sample_point(&self, site: Site) -> SamplePoint {
+        match site {
+            Site::Vertex(vertex) => {
+                let position = self.vertex_position(vertex);
+                let around = self
+                    .adjacency
+                    .corners(vertex)
+                    .map(|(t, k)| (t, corner_angle(&self.receivers[t], k)));
+                self.sample_on(position, around)
+            }
+            Site::Edge {
+                low,
+                high,
+                level,
+                numerator,
+            } => {
+                let weight = f64::from(numerator) / f64::from(1_u32 << level);
+                let position = self
+                    .vertex_position(low)
+                    .lerp(self.vertex_position(high), weight);
+                let around = self
+                    .adjacency
+                    .edge(&self.topology.triangles, low, high)
+                    .map(|t| (t, 1.0));
+                self.sample_on(position, around)
+            }
+            Site::Interior {
+                triangle,
+                level,
+                i,
+                j,
+            } => {
+                let t = triangle as usize;
+                let n = f64::from(1_u32 << level);
+                let [a, b, c] = self.receivers[t].map(Vec3::as_dvec3);
+                let (i, j) = (f64::from(i) / n, f64::from(j) / n);
+                let position = a + (b - a) * i + (c - a) * j;
+                self.sample_on(position, [(t, 1.0)].into_iter())
+            }
+        }
+    }
+
+    /// A sample on triangles that have these weights in its normal.
+    fn sample_on(
+        &self,
+        position: DVec3,
+        around: impl Iterator<Item = (usize, f64)>,
+    ) -> SamplePoint {
+        let mut point = SamplePoint {
+            position,
+            ..SamplePoint::default()
+        };
+        let mut sum = DVec3::ZERO;
+        let mut inward = DVec3::ZERO;
+        let mut total = 0.0;
+        let mut size = f64::INFINITY;
+        for (t, weight) in around {
+            let Some(normal) = self.normals[t] else {
+                continue;
+            };
+            let [a, b, c] = self.receivers[t].map(Vec3::as_dvec3);
+            let centroid = (a + b + c) / 3.0;
+            size = size.min((0.5 * (b - a).cross(c - a).length()).sqrt());
+            sum += weight * normal;
+            inward += weight * (centroid - position).normalize_or_zero();
+            total += weight;
+            point.two_sided |= self.two_sided[t];
+            if !point.horizons.contains(&normal) {
+                point.horizons.push(normal);
+            }
+        }
+        let Some(normal) = sum
+            .try_normalize()
+            .or_else(|| point.horizons.first().copied())
+        else {
+            return point;
+        };
+        point.normal = Some(normal);
+        let smallest = OFFSET_OF_COORDINATE * position.abs().max_element();
+        let distance = (OFFSET_OF_DIAGONAL * self.diagonal)
+            .min(OFFSET_OF_TRIANGLE * size)
+            .max(smallest);
+        let inward = inward / total.max(f64::MIN_POSITIVE);
+        let inward = inward - normal * normal.dot(inward);
+        point.lift = distance;
+        point.pull = PULL * distance * inward;
+        point.tmin = distance * TMIN;
+        point
+    }
+
+    /// The bits of the six faces. `masks` are of one size.
+    pub(crate) fn see(
+        &self,
+        point: &SamplePoint,
+        max_distance: Option<f32>,
+        masks: &mut [FaceMask; FACE_COUNT],
+    ) {
+        for (face, mask) in masks.iter_mut().enumerate() {
+            mask.clear();
+            let (Some(normal), Some(front), Some(back)) = (
+                point.normal,
+                point.origin(1.0, max_distance),
+                point.origin(-1.0, max_distance),
+            ) else {
+                continue;
+            };
+            let size = mask.size();
+            for y0 in (0..size).step_by(TILE) {
+                for x0 in (0..size).step_by(TILE) {
+                    let window = Window { size, x0, y0 };
+                    if point.two_sided {
+                        let above = above(face, window, &[normal]);
+                        let columns = u64::MAX >> (u64::BITS - window.extent());
+                        let mut below = above.map(|row| !row & columns);
+                        below[window.extent() as usize..].fill(0);
+                        self.see_tile(face, window, &front, &above, mask);
+                        self.see_tile(face, window, &back, &below, mask);
+                    } else {
+                        let above = above(face, window, &point.horizons);
+                        self.see_tile(face, window, &front, &above, mask);
+                    }
+                }
+            }
+        }
+    }
+
+    fn see_tile(
+        &self,
+        face: usize,
+        window: Window,
+        origin: &Origin,
+        cared: &Tile,
+        mask: &mut FaceMask,
+    ) {
+        let mut open = *cared;
+        let (bvh, cuts) = (&self.bvh, &self.cuts);
+        // The face is known to the compiler: its axes cost nothing.
+        match face {
+            0 => cover::<0>(bvh, origin, window, cuts, &mut open),
+            1 => cover::<1>(bvh, origin, window, cuts, &mut open),
+            2 => cover::<2>(bvh, origin, window, cuts, &mut open),
+            3 => cover::<3>(bvh, origin, window, cuts, &mut open),
+            4 => cover::<4>(bvh, origin, window, cuts, &mut open),
+            _ => cover::<5>(bvh, origin, window, cuts, &mut open),
+        }
+        let word = window.x0 as usize / TILE;
+        for y in 0..window.extent() {
+            let (cared_row, visible_row) = mask.row_mut(window.y0 + y);
+            cared_row[word] |= cared[y as usize];
+            visible_row[word] |= open[y as usize];
+        }
+    }
+}
+
+/// Texels above one of the planes.
+fn above(face: usize, window: Window, normals: &[DVec3]) -> Tile {
+    let mut tile = [0; TILE];
+    let last = window.extent() - 1;
+    for normal in normals {
+        let [a, b, c] = FACES[face].to_face(normal.to_array());
+        for (y, row) in (0..=last).zip(&mut tile) {
+            *row |= half_line(a, b * window.row(y) + c, window, 0, last);
+        }
+    }
+    tile
+}

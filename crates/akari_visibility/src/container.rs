@@ -37,6 +37,9 @@ pub const VERSION: u32 = 1;
 /// A chunk's content is at most this many times its length in the file; what would shrink further is stored as it is.
 pub const MAX_RATIO: u64 = 1024;
 
+/// A chunk that compression shortens by less than one part in so many is stored as it is, to be used in place.
+const LEAST_GAIN: usize = 16;
+
 /// Level of zstd. Higher ones gain below 2 % on trees.
 const ZSTD_LEVEL: i32 = 9;
 
@@ -175,8 +178,9 @@ impl ContainerWriter {
         const { assert!(cfg!(target_endian = "little"), "files are little endian") };
         let content: &[u8] = bytemuck::cast_slice(content);
         let compressed = zstd::bulk::compress(content, ZSTD_LEVEL)?;
-        let is_compressed = compressed.len() < content.len()
-            && content.len() as u64 <= compressed.len() as u64 * MAX_RATIO;
+        let is_worth_it = compressed.len() + content.len() / LEAST_GAIN < content.len();
+        let is_compressed =
+            is_worth_it && content.len() as u64 <= compressed.len() as u64 * MAX_RATIO;
         let stored = if is_compressed {
             compressed
         } else {

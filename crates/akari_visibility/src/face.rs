@@ -10,7 +10,6 @@
 //!
 //! WGSL module: `akari_visibility::face`.
 
-use akari_math::special::safe_normalize;
 use glam::{Vec2, Vec3};
 
 /// Number of faces.
@@ -146,16 +145,12 @@ pub fn face_onto_side(face: u32, side: u32, v: Vec3) -> Vec3 {
 pub fn border_point(steps: u32) -> Vec2 {
     let side = (steps >> SIDE_STEP_BITS) & 3;
     let t = (steps & (SIDE_STEPS - 1)) as f32 / LINE_STEPS_PER_UNIT as f32 - 1.0;
-    if side == 0 {
-        return Vec2::new(t, -1.0);
+    // The third and the fourth side lie opposite of the first and the second.
+    let sign = 1.0 - (side & 2) as f32;
+    if side & 1 == 0 {
+        return Vec2::new(sign * t, -sign);
     }
-    if side == 1 {
-        return Vec2::new(1.0, t);
-    }
-    if side == 2 {
-        return Vec2::new(-t, 1.0);
-    }
-    Vec2::new(-1.0, -t)
+    Vec2::new(sign, sign * t)
 }
 
 /// Coefficients `(a, b, c)` of a packed line, not normalised.
@@ -176,16 +171,15 @@ pub fn line_height(bits: u32, at: Vec2) -> f32 {
     line.x * at.x + line.y * at.y + line.z
 }
 
-/// Unit normal of the plane through the sample point and a packed line of a face, towards the line's positive side.
+/// Normal of the plane through the sample point and a packed line of a face, towards the line's positive side: `a r + b u
+/// + c f`.
 ///
-/// Error of each component below 2e-7. Two equal ends are no line; what comes out is then the axis of the face, which
-/// has the whole face on its positive side.
+/// Of any length from 3e-4 to 4: what is compared with distances is scaled instead. Zero where the bits are no line. `a`
+/// and `b` exact, `c` rounded once.
 #[must_use]
-pub fn line_plane(face: u32, bits: u32) -> Vec3 {
+pub fn line_normal(face: u32, bits: u32) -> Vec3 {
     let line = unpack_line(bits);
-    let depth = face_sign(face);
-    let normal = face_permute(face, Vec3::new(line.x, line.y, depth * line.z));
-    safe_normalize(normal, face_permute(face, Vec3::new(0.0, 0.0, depth)))
+    face_permute(face, Vec3::new(line.x, line.y, face_sign(face) * line.z))
 }
 
 /// The line `a x + b y + c = 0` on a face. Positive side: `a x + b y + c > 0`.

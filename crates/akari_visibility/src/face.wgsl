@@ -2,8 +2,6 @@
 
 // Twin: `face.rs`, where the conventions and the error bounds are. Change both or neither.
 
-#import akari_math::special::safe_normalize
-
 const FACES: u32 = 6u;
 // Steps per unit of a packed line's coordinate along the border of the face.
 const LINE_STEPS_PER_UNIT: u32 = 4096u;
@@ -91,16 +89,9 @@ fn face_onto_side(face: u32, side: u32, v: vec3<f32>) -> vec3<f32> {
 fn border_point(steps: u32) -> vec2<f32> {
     let side = (steps >> SIDE_STEP_BITS) & 3u;
     let t = f32(steps & (SIDE_STEPS - 1u)) / f32(LINE_STEPS_PER_UNIT) - 1.0;
-    if side == 0u {
-        return vec2<f32>(t, -1.0);
-    }
-    if side == 1u {
-        return vec2<f32>(1.0, t);
-    }
-    if side == 2u {
-        return vec2<f32>(-t, 1.0);
-    }
-    return vec2<f32>(-1.0, -t);
+    // The third and the fourth side lie opposite of the first and the second.
+    let sign = 1.0 - f32(side & 2u);
+    return select(vec2<f32>(sign, sign * t), vec2<f32>(sign * t, -sign), (side & 1u) == 0u);
 }
 
 // Coefficients (a, b, c) of a packed line, not normalised.
@@ -116,10 +107,8 @@ fn line_height(bits: u32, at: vec2<f32>) -> f32 {
     return line.x * at.x + line.y * at.y + line.z;
 }
 
-// Unit normal of the plane through the sample point and a packed line of a face, towards the line's positive side.
-fn line_plane(face: u32, bits: u32) -> vec3<f32> {
+// Normal of the plane through the sample point and a packed line of a face, towards the line's positive side.
+fn line_normal(face: u32, bits: u32) -> vec3<f32> {
     let line = unpack_line(bits);
-    let depth = face_sign(face);
-    let normal = face_permute(face, vec3<f32>(line.xy, depth * line.z));
-    return safe_normalize(normal, face_permute(face, vec3<f32>(0.0, 0.0, depth)));
+    return face_permute(face, vec3<f32>(line.xy, face_sign(face) * line.z));
 }

@@ -30,6 +30,8 @@
 pub mod bake;
 pub mod container;
 pub mod face;
+#[doc(hidden)]
+pub mod fuzz;
 pub mod grid;
 pub mod identity;
 mod merge;

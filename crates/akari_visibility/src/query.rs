@@ -54,7 +54,7 @@
 //!
 //! WGSL module: `akari_visibility::query`.
 
-use crate::face::{FACES, face_of, face_onto_side, face_side, line_plane};
+use crate::face::{FACES, face_of, face_onto_side, face_side, line_normal};
 use crate::pool::TreePool;
 use crate::tree::{MAX_PENDING, Tree, TreeLink, TreeNode, leaf_visibility, tree_node, tree_word};
 use akari_math::polygon::plane_crossing;
@@ -268,7 +268,7 @@ pub fn traversal_drop(t: &mut Traversal) {
     traversal_move(t, to);
 }
 
-/// Writes the part of the current polygon on one side of a plane (unit normal) behind it. `side` is that of the face,
+/// Writes the part of the current polygon on one side of a plane (its normal, of any length) behind it. `side` is that of the face,
 /// or 4 where the plane is that of a line.
 ///
 /// Vertices with their bit in `outside` are on the other side, those with their bit in neither mask on the plane.
@@ -315,7 +315,7 @@ pub fn traversal_split(t: &mut Traversal, word0: u32, word1: u32) {
         };
     } else {
         node = tree_node(t.link, word0, word1);
-        plane = line_plane(t.face, node.line);
+        plane = line_normal(t.face, node.line);
         if t.wanted == NO_TARGET {
             take_negative = node.negative != TreeLink::LEAF;
             take_positive = node.positive != TreeLink::LEAF;
@@ -337,15 +337,16 @@ pub fn traversal_split(t: &mut Traversal, word0: u32, word1: u32) {
 
     // Which vertices are on which side: all of them on one where the plane misses the cone.
     let height = t.axis.dot(plane);
+    let scale = plane.dot(plane).sqrt();
     let mut above = u32::from(height > 0.0);
     let mut below = 1 - above;
-    if height.abs() < t.cone_sine {
+    if height.abs() < t.cone_sine * scale {
         above = 0;
         below = 0;
         for i in 0..t.count {
             let vertex = t.vertices[(t.first + i) as usize];
             let distance = plane.dot(vertex);
-            let tolerance = ON_PLANE * max_abs_component(vertex);
+            let tolerance = ON_PLANE * scale * max_abs_component(vertex);
             above |= u32::from(distance > tolerance) << i;
             below |= u32::from(distance < -tolerance) << i;
         }

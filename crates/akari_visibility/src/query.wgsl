@@ -4,7 +4,7 @@
 
 #import akari_math::special::{max_abs_component, safe_normalize}
 #import akari_math::polygon::plane_crossing
-#import akari_visibility::face::{face_onto_side, face_side, line_plane}
+#import akari_visibility::face::{face_onto_side, face_side, line_normal}
 #import akari_visibility::tree::{TREE_LEAF, TreeNode, leaf_visibility, tree_node, tree_word}
 
 // Vertices that a traversal can hold: the light, the polygon at hand, and those that wait.
@@ -225,7 +225,7 @@ fn traversal_split(t: ptr<function, Traversal>, word0: u32, word1: u32) {
         node = TreeNode(0u, NOTHING, traversal_side(t, side + 1u));
     } else {
         node = tree_node((*t).link, word0, word1);
-        plane = line_plane((*t).face, node.line);
+        plane = line_normal((*t).face, node.line);
         if (*t).wanted == NO_TARGET {
             take_negative = node.negative != TREE_LEAF;
             take_positive = node.positive != TREE_LEAF;
@@ -247,15 +247,16 @@ fn traversal_split(t: ptr<function, Traversal>, word0: u32, word1: u32) {
 
     // Which vertices are on which side: all of them on one where the plane misses the cone.
     let height = dot((*t).axis, plane);
+    let scale = sqrt(dot(plane, plane));
     var above = select(0u, 1u, height > 0.0);
     var below = 1u - above;
-    if abs(height) < (*t).cone_sine {
+    if abs(height) < (*t).cone_sine * scale {
         above = 0u;
         below = 0u;
         for (var i = 0u; i < (*t).count; i++) {
             let vertex = (*t).vertices[(*t).first + i];
             let distance = dot(plane, vertex);
-            let tolerance = ON_PLANE * max_abs_component(vertex);
+            let tolerance = ON_PLANE * scale * max_abs_component(vertex);
             above |= select(0u, 1u, distance > tolerance) << i;
             below |= select(0u, 1u, distance < -tolerance) << i;
         }

@@ -294,34 +294,6 @@ fn degenerate_lights_are_dark_and_finite() {
     assert_eq!(sum_of_pieces(&lit, &many, |_| 1.0), first);
 }
 
-/// A tree of `levels` levels of parallel lines, balanced: as many children pending as there can be for its size.
-fn slats(levels: u32) -> Tree {
-    fn build(
-        builder: &mut TreeBuilder,
-        low: f32,
-        high: f32,
-        levels: u32,
-    ) -> akari_visibility::tree::BuiltNode {
-        if levels == 0 {
-            // Neighbours differ by more than a step, so that no two leaves are merged.
-            return builder.leaf(0.3 + 0.1 * ((low * 512.0).round() as i32).rem_euclid(7) as f32);
-        }
-        let middle = 0.5 * (low + high);
-        let line = FaceLine {
-            a: 1.0,
-            b: 0.0,
-            c: -middle,
-        };
-        let line = line.pack().expect("it crosses the face");
-        let negative = build(builder, low, middle, levels - 1);
-        let positive = build(builder, middle, high, levels - 1);
-        builder.split(line, negative, positive)
-    }
-    let mut builder = TreeBuilder::new();
-    let root = build(&mut builder, -1.0, 1.0, levels);
-    builder.finish(root).expect("a small tree")
-}
-
 #[test]
 fn polygons_that_do_not_fit_are_found_again() {
     let mut random = Random::new(8);

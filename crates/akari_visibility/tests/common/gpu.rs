@@ -1,5 +1,7 @@
 //! Runs the traversal on the device: a kernel with the trees in storage buffers.
 
+#![allow(dead_code, reason = "each test binary uses a part of this")]
+
 use akari_gpu_test::{Gpu, KernelError, UNWRITTEN, compose};
 use akari_visibility::pool::TreePool;
 use akari_visibility::tree::TreeLink;

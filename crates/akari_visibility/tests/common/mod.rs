@@ -225,3 +225,26 @@ fn visible(tree: &Tree, face: u32, link: TreeLink, part: &[DVec3]) -> DVec3 {
     visible(tree, face, TreeLink(node.positive), &clip(part, plane))
         + visible(tree, face, TreeLink(node.negative), &clip(part, -plane))
 }
+
+/// A tree of `levels` levels of parallel lines, balanced: as many children pending as there can be for its size.
+pub fn slats(levels: u32) -> Tree {
+    fn build(builder: &mut TreeBuilder, low: f32, high: f32, levels: u32) -> BuiltNode {
+        if levels == 0 {
+            // Neighbours differ by more than a step, so that no two leaves are merged.
+            return builder.leaf(0.3 + 0.1 * ((low * 512.0).round() as i32).rem_euclid(7) as f32);
+        }
+        let middle = 0.5 * (low + high);
+        let line = FaceLine {
+            a: 1.0,
+            b: 0.0,
+            c: -middle,
+        };
+        let line = line.pack().expect("it crosses the face");
+        let negative = build(builder, low, middle, levels - 1);
+        let positive = build(builder, middle, high, levels - 1);
+        builder.split(line, negative, positive)
+    }
+    let mut builder = TreeBuilder::new();
+    let root = build(&mut builder, -1.0, 1.0, levels);
+    builder.finish(root).expect("a small tree")
+}

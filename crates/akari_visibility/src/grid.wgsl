@@ -21,6 +21,13 @@ struct MicroTriangle {
     samples: vec3<u32>,
 }
 
+// What an entry with `ENTRY_HANGING` refers to: a point between two samples, with the weight of the second.
+struct Hanging {
+    first: u32,
+    second: u32,
+    weight: f32,
+}
+
 // Pieces of each edge at a level.
 fn grid_pieces(level: u32) -> u32 {
     return 1u << min(level, MAX_LEVEL);

@@ -166,11 +166,11 @@ pub(crate) fn check_instances(instances: &[Instance], triangles: usize) -> Resul
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Hanging {
-    /// Sample at weight 0.
-    pub from: u32,
-    /// Sample at weight 1.
-    pub to: u32,
-    /// Weight of `to`, between 0 and 1.
+    /// Sample of weight `1 − weight`.
+    pub first: u32,
+    /// Sample of weight `weight`.
+    pub second: u32,
+    /// Between 0 and 1.
     pub weight: f32,
 }
 
@@ -343,12 +343,12 @@ impl SampleGrid {
                             // Between its neighbours on the coarse edge.
                             let pieces = 1 << (u32::from(own) - coarse);
                             let before = u32::from(numerator) / pieces;
-                            let [from, to] = [before, before + 1]
+                            let [first, second] = [before, before + 1]
                                 .map(|step| numbering.number(edge_site(low, high, coarse, step)));
                             let index = grid.hanging.len() as u32;
                             grid.hanging.push(Hanging {
-                                from,
-                                to,
+                                first,
+                                second,
                                 weight: (u32::from(numerator) % pieces) as f32 / pieces as f32,
                             });
                             ENTRY_HANGING | index
@@ -387,7 +387,7 @@ impl SampleGrid {
         }
         for (index, point) in self.hanging.iter().enumerate() {
             let is_between = point.weight > 0.0 && point.weight < 1.0;
-            if !(is_between && is_sample(point.from) && is_sample(point.to)) {
+            if !(is_between && is_sample(point.first) && is_sample(point.second)) {
                 return Err(format!(
                     "point {index} is between samples that are not there"
                 ));
@@ -411,8 +411,8 @@ impl SampleGrid {
                 result.add(entry, weight);
             } else {
                 let point = self.hanging[(entry & !ENTRY_HANGING) as usize];
-                result.add(point.from, weight * (1.0 - point.weight));
-                result.add(point.to, weight * point.weight);
+                result.add(point.first, weight * (1.0 - point.weight));
+                result.add(point.second, weight * point.weight);
             }
         }
         result
@@ -542,7 +542,7 @@ mod tests {
             |g| g.entries[0] = ENTRY_HANGING | g.hanging.len() as u32
         ));
         assert!(broken(|g| g.hanging[0].weight = f32::NAN));
-        assert!(broken(|g| g.hanging[0].to = u32::MAX));
+        assert!(broken(|g| g.hanging[0].second = u32::MAX));
         assert!(broken(|g| g.triangles[1] += 1));
         assert!(broken(|g| g.triangles[1] |= 0xf000_0000));
         let mut bad = topology(&[[0, 1, 2]]);
@@ -604,8 +604,8 @@ mod tests {
                 if entry & ENTRY_HANGING == 0 { seen[entry as usize] = true; }
             }
             for point in &grid.hanging {
-                seen[point.from as usize] = true;
-                seen[point.to as usize] = true;
+                seen[point.first as usize] = true;
+                seen[point.second as usize] = true;
             }
             prop_assert!(seen.iter().all(|&s| s));
             let mut unique = sites.clone();

@@ -31,7 +31,7 @@ fn files() -> &'static [Vec<u8>; 2] {
         let path = folder.path().join("x.akari");
         bake().write(&path).expect("written");
         let bake = fs::read(&path).expect("read");
-        part(&topology(5), 2, 2, 12).write(&path).expect("written");
+        part(&topology(5), 1, 1, 12).write(&path).expect("written");
         [bake, fs::read(&path).expect("read")]
     })
 }

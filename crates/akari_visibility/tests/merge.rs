@@ -291,7 +291,7 @@ fn stale_bakes_are_refused() {
         .to_string();
     assert!(text.contains("other settings"), "{text}");
 
-    let mut change = |edit: &dyn Fn(&mut Vec<akari_visibility::sites::Instance>)| {
+    let change = |edit: &dyn Fn(&mut Vec<akari_visibility::sites::Instance>)| {
         let mut instances = topology.instances.clone();
         edit(&mut instances);
         match bake.check_instances(path, &instances) {

@@ -171,8 +171,8 @@ pub fn line_height(bits: u32, at: Vec2) -> f32 {
     line.x * at.x + line.y * at.y + line.z
 }
 
-/// Normal of the plane through the sample point and a packed line of a face, towards the line's positive side: `a r + b u
-/// + c f`.
+/// Normal of the plane through the sample point and a packed line of a face, towards the line's positive side:
+/// `a r + b u + c f`.
 ///
 /// Of any length from 3e-4 to 4: what is compared with distances is scaled instead. Zero where the bits are no line. `a`
 /// and `b` exact, `c` rounded once.

@@ -33,24 +33,35 @@
 //! # Form
 //!
 //! The pieces come one at a time because the integrals clip each of them at two horizons (of the surface and of the
-//! lobe), which needs closed polygons. What costs on a GPU is not the tree but the polygons that wait while others are
-//! visited; so:
+//! lobe), which needs closed polygons. What costs on a GPU is the polygons that wait while others are visited; so:
 //!
 //! - A polygon waits **unclipped** on its node, once for both sides; the negative side is clipped off and visited first,
 //!   the positive one afterwards, in place. Trees are canonical (the smaller subtree first), so at most
 //!   [`MAX_PENDING`](crate::tree::MAX_PENDING) nodes wait, 2 or 3 as a rule.
 //! - All polygons lie in one array of [`POLYGON_POOL`] vertices. When it is full, the waiting ones are dropped and only
 //!   their nodes stay; a node whose polygon was dropped is reached again from the root, where the index in pre-order
-//!   tells the way. So the size of the array decides about speed alone.
-//! - Planes that the cone about the whole light does not touch are decided by one dot product.
+//!   tells the way. So the size of the array decides about speed alone: the results have the same bits.
+//! - Planes that miss the cone about the whole light are decided by one dot product.
 //! - There is one call of the clip, which the sides of the face go through as if they were nodes: GPU compilers inline.
+//!
+//! Measured (`cargo bench -p akari_visibility`, llvmpipe, faces of 34 leaves, a quad seen under 3°, 10°, 28° and 60°):
+//! 8, 11, 21 and 47 nodes and sides, of which 1, 3, 7 and 21 cut, 1.2, 2, 5 and 12 pieces of 4 edges. Clipping every
+//! leaf's polygon from the root again, with nothing kept, takes 1.1, 1.5, 2.2 and 2.2 times as long; arrays from 26 to
+//! 120 vertices differ by less than the noise; without the cone it takes 1.2 times as long up to 10° and no longer beyond.
+//! LTC of the pieces adds 41, 31, 20 and 7 %; leaving out the edges between pieces of equal visibility could save a part
+//! of that only, and is not done.
 //!
 //! # Exactness
 //!
 //! A vertex closer to a plane than [`ON_PLANE`] of its largest coordinate is on it: it belongs to both sides and no edge
 //! is split there, so that no slivers come about. Both sides get the same split vertices. With all visibilities 1 the
-//! form factors of the pieces add up to that of the polygon within 1e-6 (test `pieces_add_up`, CPU and GPU). Nothing is
-//! ever non-finite for finite vertices.
+//! form factors of the pieces add up to that of the polygon within 1e-6 (test `pieces_add_up`, CPU and GPU: 4e-7 with up
+//! to 200 leaves on a face); the cuts alone are good for 2e-7, for lights up to 1000 times as wide as they are far (test
+//! `wide_lights_keep_their_digits`), and the rest is the rounding of sums in f32. Nothing is ever non-finite for finite
+//! vertices.
+//!
+//! A polygon can have 31 vertices. Only concave lights come near that; where a cut would make more, the polygon stays
+//! whole and goes to one side.
 //!
 //! WGSL module: `akari_visibility::query`.
 
@@ -107,7 +118,7 @@ pub struct Traversal {
     pub axis: Vec3,
     /// Sine of the angle between the axis and the side of the cone, and a margin; 2 where there is no cone.
     pub cone_sine: f32,
-    /// The face.
+    /// The face, 0 to 5.
     pub face: u32,
     /// Root of its tree.
     pub root: u32,

@@ -65,6 +65,38 @@ fn pieces_add_up() {
     assert!(pieces > 20_000);
 }
 
+/// A light that fills half of all directions, and the sample right before it.
+#[test]
+fn wide_lights_keep_their_digits() {
+    let mut random = Random::new(10);
+    let mut worst = 0.0_f64;
+    for size in [0.1, 1.0, 10.0, 100.0, 1000.0] {
+        for index in 0..100 {
+            let trees = random_trees(&mut random, [1, 10, 100][index % 3], Leaves::Lit);
+            let normal = random.direction();
+            let u = normal.any_orthonormal_vector();
+            let v = normal.cross(u);
+            let aside = random.range(-0.5, 0.5) * size * u;
+            let light: Vec<Vec3> = (0..4)
+                .map(|k| {
+                    let angle = std::f32::consts::FRAC_PI_2 * k as f32 + 0.3;
+                    normal + aside + size * (angle.cos() * u + angle.sin() * v)
+                })
+                .collect();
+            let in_f64 = |vertices: &[Vec3]| {
+                let vertices: Vec<DVec3> = vertices.iter().map(|v| v.as_dvec3()).collect();
+                oracle_form_factor(&vertices)
+            };
+            let mut sum = DVec3::ZERO;
+            visit_tree_pieces(&trees, &light, |piece, _| sum += in_f64(piece));
+            let error = (sum - in_f64(&light)).abs().max_element();
+            worst = worst.max(error);
+            assert!(error < 2e-7, "{size}: {error:e}");
+        }
+    }
+    println!("largest error of the cuts {worst:e}");
+}
+
 #[test]
 fn visible_parts_are_those_of_the_recursion_in_f64() {
     let mut random = Random::new(2);

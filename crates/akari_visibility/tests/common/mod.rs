@@ -26,7 +26,7 @@ impl Random {
     }
 
     pub fn below(&mut self, bound: usize) -> usize {
-        (self.next() >> 32) as usize * bound >> 32
+        ((self.next() >> 32) as usize * bound) >> 32
     }
 
     /// Uniform in `[lo, hi)`.

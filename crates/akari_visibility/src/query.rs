@@ -37,7 +37,7 @@
 //!
 //! - A polygon waits **unclipped** on its node, once for both sides; the negative side is clipped off and visited first,
 //!   the positive one afterwards, in place. Trees are canonical (the smaller subtree first), so at most
-//!   [`MAX_PENDING`](crate::tree::MAX_PENDING) nodes wait, 2 or 3 as a rule.
+//!   [`MAX_PENDING`] nodes wait, 2 or 3 as a rule.
 //! - All polygons lie in one array of [`POLYGON_POOL`] vertices. When it is full, the waiting ones are dropped and only
 //!   their nodes stay; a node whose polygon was dropped is reached again from the root, where the index in pre-order
 //!   tells the way. So the size of the array decides about speed alone: the results have the same bits.

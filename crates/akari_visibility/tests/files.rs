@@ -288,25 +288,25 @@ fn content_is_checked_behind_its_checksum() {
     let cases: [(&str, &dyn Fn(&mut Bake)); 9] = [
         ("not finite", &|b| b.positions[3][1] = f32::NAN),
         ("POSI: it is not of all samples", &|b| {
-            b.positions.truncate(2)
+            b.positions.truncate(2);
         }),
         ("TREE: it is not of all samples", &|b| {
-            b.trees.push(b.trees[0])
+            b.trees.push(b.trees[0]);
         }),
         ("is not the root", &|b| {
-            b.trees[1][2] = TreeLink::node(1 << 29)
+            b.trees[1][2] = TreeLink::node(1 << 29);
         }),
         ("is not the root", &|b| {
-            b.trees[1][2] = TreeLink(TreeLink::LEAF | 256)
+            b.trees[1][2] = TreeLink(TreeLink::LEAF | 256);
         }),
         ("a sample that is not there", &|b| {
-            b.grid.entries[1] = b.grid.sample_count
+            b.grid.entries[1] = b.grid.sample_count;
         }),
         ("beyond the entries", &|b| {
-            b.grid.triangles[1] |= 0x7000_0000
+            b.grid.triangles[1] |= 0x7000_0000;
         }),
         ("the instances have", &|b| {
-            b.instances[1].triangle_count -= 1
+            b.instances[1].triangle_count -= 1;
         }),
         ("the settings are not", &|b| b.settings.face_size += 1),
     ];

@@ -437,3 +437,6 @@ pub(crate) fn counts(
         && t < origin.tmax
         && triangle.cut().is_none_or(|cut| accept.accept(cut, u, v))
 }
+
+#[cfg(test)]
+mod tests;

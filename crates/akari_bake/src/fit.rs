@@ -156,7 +156,8 @@ impl Fitter {
         self.search.lines
     }
 
-    fn leaf(&mut self, Counts { texels, visible }: Counts) {
+    fn leaf(&mut self, counts: Counts) {
+        let (texels, visible) = (counts.texels(), counts.visible);
         // What lies below the horizon receives nothing.
         let mean = if texels == 0 {
             0.0
@@ -166,15 +167,14 @@ impl Fitter {
         let quality = &mut self.quality;
         quality.leaves += 1;
         quality.texels += texels;
-        quality.misclassified += visible.min(texels - visible);
-        quality.absolute_error += 2.0 * f64::from(texels - visible) * mean;
+        quality.misclassified += counts.blocked.min(visible);
+        quality.absolute_error += 2.0 * f64::from(counts.blocked) * mean;
         self.outline.0.push((mean * 255.0).round() as u32);
     }
 
     fn build(&mut self, cell: &Cell, depth: u32) {
-        let Counts { texels, visible } = cell.counts;
         let allowed = f64::from(self.settings.tolerance) * f64::from(self.table.size.pow(2));
-        let wrong = visible.min(texels - visible);
+        let wrong = cell.counts.blocked.min(cell.counts.visible);
         let line = if f64::from(wrong) <= allowed || depth >= self.settings.max_depth {
             None
         } else {
@@ -192,5 +192,165 @@ impl Fitter {
         self.build(&negative, depth + 1);
         self.build(&positive, depth + 1);
         self.spare.extend([negative, positive]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+
+    const SIZE: u32 = 64;
+
+    fn centre(i: u32, size: u32) -> f32 {
+        (2 * i + 1) as f32 / size as f32 - 1.0
+    }
+
+    fn mask(size: u32, visible: impl Fn(f32, f32) -> bool) -> FaceMask {
+        FaceMask::from_fn(size, |x, y| Some(visible(centre(x, size), centre(y, size))))
+    }
+
+    fn fitter(tolerance: f32) -> Fitter {
+        Fitter::new(FitSettings {
+            tolerance,
+            max_depth: 48,
+        })
+    }
+
+    /// What the encoded tree says, held against the bits.
+    fn measure(mask: &FaceMask, tree: &Tree) -> (u32, f64) {
+        let (mut wrong, mut absolute) = (0, 0.0);
+        for y in 0..mask.size() {
+            for x in 0..mask.size() {
+                let Some(bit) = mask.get(x, y) else { continue };
+                let at = Vec2::new(centre(x, mask.size()), centre(y, mask.size()));
+                let bit = f64::from(u8::from(bit));
+                let off = (f64::from(tree.visibility_at(at)) - bit).abs();
+                absolute += off;
+                wrong += u32::from(off > 0.5);
+            }
+        }
+        (wrong, absolute)
+    }
+
+    fn check(mask: &FaceMask, tolerance: f32) -> FitQuality {
+        let (tree, quality) = fitter(tolerance).fit(mask).unwrap();
+        assert!(tree.leaf_count() <= quality.leaves as usize);
+        assert_eq!(quality.texels, mask.cared_count());
+        let (wrong, absolute) = measure(mask, &tree);
+        // A leaf of equal parts is on neither side.
+        assert!(wrong <= quality.misclassified, "{wrong} {quality:?}");
+        // Means are stored in 1/255, and f32 may put a centre that is on a line on either side.
+        let slack = f64::from(quality.texels) * (0.5 / 255.0) + 1.0;
+        assert!((absolute - quality.absolute_error).abs() < slack);
+        let allowed = tolerance * (mask.size() * mask.size()) as f32;
+        assert!(quality.misclassified as f32 <= allowed * quality.leaves as f32, "{quality:?}");
+        quality
+    }
+
+    #[test]
+    fn a_half_plane_is_two_leaves() {
+        for k in 0..40 {
+            let (sin, cos) = (0.157 * k as f32).sin_cos();
+            for offset in [0.0, 0.31, -0.7] {
+                let mask = mask(SIZE, |x, y| x * cos + y * sin > offset);
+                let quality = check(&mask, 0.0);
+                assert!(quality.leaves <= 3, "angle {k}, {offset}: {quality:?}");
+                assert_eq!(quality.misclassified, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn shapes_take_no_more_leaves_than_the_study() {
+        // METHODS, section 9: leaves at zero error of the exhaustive search with refinement, in Python.
+        let fence = mask(SIZE, |x, _| {
+            (0..6).all(|k| (x - (-0.8 + 0.3 * k as f32)).abs() >= 0.05)
+        });
+        assert!(check(&fence, 0.0).leaves <= 13);
+        let blob = mask(SIZE, |x, y| {
+            let angle = y.atan2(x);
+            let radius = 0.55 + 0.12 * (5.0 * angle).sin() + 0.06 * (13.0 * angle + 1.0).sin();
+            x.hypot(y) >= radius
+        });
+        let quality = check(&blob, 0.0);
+        assert!(quality.leaves <= 80, "{quality:?}");
+        assert_eq!(quality.misclassified, 0);
+        let coarse = check(&blob, 0.001);
+        assert!(coarse.leaves * 3 < quality.leaves * 2, "{coarse:?} {quality:?}");
+    }
+
+    #[test]
+    fn what_does_not_matter_costs_nothing() {
+        // Bits of noise below a horizon.
+        let noise = |x: u32, y: u32| (x * 7919 + y * 104_729 + x * y * 31) % 7 < 3;
+        let above = |x: u32, y: u32| centre(x, SIZE) + 2.0 * centre(y, SIZE) > 0.2;
+        let cared = FaceMask::from_fn(SIZE, |x, y| {
+            above(x, y).then(|| x < 30 || y > 50)
+        });
+        let quality = check(&cared, 0.0);
+        assert!(quality.leaves <= 4, "{quality:?}");
+        // The wrong way, so that this is known to be able to fail: the noise matters.
+        let all = FaceMask::from_fn(SIZE, |x, y| {
+            Some(if above(x, y) { x < 30 || y > 50 } else { noise(x, y) })
+        });
+        assert!(fitter(0.0).fit(&all).unwrap().1.leaves > 100);
+        let nothing = FaceMask::new(SIZE);
+        let (tree, quality) = fitter(0.0).fit(&nothing).unwrap();
+        assert_eq!((tree, quality.leaves), (Tree::leaf(0.0), 1));
+    }
+
+    #[test]
+    fn noise_ends_and_every_size_fits() {
+        for size in crate::FACE_SIZES {
+            let noise = FaceMask::from_fn(size, |x, y| {
+                let h = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
+                Some((h >> 16) & 1 == 1)
+            });
+            let tolerance = if size == 256 { 0.01 } else { 0.0005 };
+            let (tree, quality) = Fitter::new(FitSettings {
+                tolerance,
+                max_depth: 12,
+            })
+            .fit(&noise)
+            .unwrap();
+            assert!(tree.leaf_count() > 16 && tree.leaf_count() <= 1 << 12);
+            assert_eq!(quality.texels, size * size);
+            let disc = mask(size, |x, y| x.hypot(y - 0.2) > 0.6);
+            let quality = check(&disc, 0.0005);
+            assert!((6..60).contains(&quality.leaves), "{size}: {quality:?}");
+        }
+        // One texel of a full face, in a corner and within.
+        for (x, y) in [(0, 0), (63, 0), (20, 41)] {
+            let one = FaceMask::from_fn(SIZE, |i, j| Some((i, j) == (x, y)));
+            let quality = check(&one, 0.0);
+            assert!(quality.misclassified == 0 && quality.leaves <= 5, "{quality:?}");
+        }
+    }
+
+    #[test]
+    fn outlines_survive_the_journal_and_nonsense_does_not() {
+        let disc = mask(SIZE, |x, y| x.hypot(y) > 0.5);
+        let mut fitter = fitter(0.001);
+        fitter.fit_outline(&disc);
+        let outline = fitter.outline().clone();
+        let mut words = outline.0.iter().copied().chain([77]);
+        assert_eq!(Outline::read(&mut words).unwrap(), outline);
+        assert_eq!(words.next(), Some(77));
+        for bad in [vec![], vec![256], vec![Outline::NODE | outline.0[0]], {
+            let mut cut = outline.0.clone();
+            cut.pop();
+            cut
+        }] {
+            assert_eq!(Outline::read(&mut bad.into_iter()), None);
+        }
+        let deep: Vec<u32> = std::iter::repeat_n(outline.0[0], MAX_DEPTH + 1)
+            .chain(std::iter::repeat_n(0, MAX_DEPTH + 2))
+            .collect();
+        let deep = Outline::read(&mut deep.into_iter()).unwrap();
+        assert_eq!(
+            deep.tree(&mut TreeBuilder::new()),
+            Err(TreeError::TooDeep)
+        );
     }
 }

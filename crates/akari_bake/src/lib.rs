@@ -21,6 +21,7 @@ mod options;
 pub mod probe;
 mod report;
 mod sampling;
+mod separate;
 mod split;
 mod weld;
 

@@ -167,3 +167,90 @@ impl RowCrossings {
         Self::column_of(self.at(y), low, high)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ends at random, some of them at corners and centres of texels.
+    fn lines(size: u32) -> impl Iterator<Item = IntLine> {
+        let mut state = 1_u64;
+        let mut next = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as u32
+        };
+        (0..600).filter_map(move |k| {
+            let coarse = [1, UNIT_STEPS / size, 2 * UNIT_STEPS / size, SIDE][k % 4];
+            let mut end = || next() % BORDER_STEPS / coarse * coarse;
+            IntLine::new([end(), end()])
+        })
+    }
+
+    #[test]
+    fn crossings_are_exact() {
+        for size in [32, 64, 256] {
+            for line in lines(size) {
+                let crossings = line.crossings(size);
+                for y in 0..size {
+                    let c = crossings.column(f64::from(y), 0.0, f64::from(size));
+                    for x in 0..size {
+                        let positive = (x >= c) == crossings.negative_low;
+                        assert_eq!(
+                            positive,
+                            line.is_positive(x, y, size),
+                            "{line:?} at {x}, {y} of {size}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_stored_line_has_the_same_sides() {
+        const SIZE: u32 = 64;
+        let mut on_line = 0;
+        for line in lines(SIZE) {
+            let stored = line.packed().unwrap().line();
+            for y in 0..SIZE {
+                for x in 0..SIZE {
+                    let centre = |i: u32| (2 * i + 1) as f32 / SIZE as f32 - 1.0;
+                    let side = stored.evaluate(glam::Vec2::new(centre(x), centre(y)));
+                    // The stored coefficients are rounded to f32.
+                    if side.abs() < 1e-6 {
+                        on_line += 1;
+                        continue;
+                    }
+                    assert_eq!(side > 0.0, line.is_positive(x, y, SIZE), "{line:?} {x} {y}");
+                }
+            }
+        }
+        assert!(on_line > 0, "lines through centres are among them");
+    }
+
+    #[test]
+    fn ends_of_angles() {
+        for k in 0..64 {
+            let angle = f64::from(k) * 0.1;
+            for offset in [-1.2, -0.5, 0.0, 0.3, 1.1] {
+                let Some(line) = IntLine::ends_of(angle, offset).and_then(IntLine::new) else {
+                    assert!(f64::abs(offset) > 0.99);
+                    continue;
+                };
+                for (x, y) in [(10, 50), (32, 32), (60, 3)] {
+                    let centre = |i: u32| f64::from(2 * i + 1) / 64.0 - 1.0;
+                    let side = centre(x) * angle.cos() + centre(y) * angle.sin() - offset;
+                    if side.abs() > 1e-3 {
+                        assert_eq!(side > 0.0, line.is_positive(x, y, 64), "{angle} {offset}");
+                    }
+                }
+            }
+        }
+        // Both ends on one side, and beyond the face.
+        assert_eq!(IntLine::new([5, 8000]), None);
+        assert_eq!(IntLine::new([0, SIDE]), None);
+        assert_eq!(IntLine::ends_of(0.0, 1.5), None);
+    }
+}

@@ -8,7 +8,7 @@ use crate::coverage::{Origin, TILE, Tile, Window, cover, half_line};
 use crate::cube::FACES;
 use crate::geometry::Geometry;
 use crate::mask::FaceMask;
-use crate::weld::corner_angle;
+use crate::weld::Fan;
 
 /// Distance of ray origins from the surface as a share of the scene's diagonal. Vertices are rounded to 6e-8 of it, so
 /// that surfaces which coincide are told apart from the sample's own side by a factor of more than 100.
@@ -36,8 +36,8 @@ pub(crate) struct SamplePoint {
     /// From `position` along the surface to where rays start.
     pull: DVec3,
     tmin: f64,
-    /// A direction matters if it is above one of these planes.
-    horizons: Vec<DVec3>,
+    /// A direction matters if it is above the plane of one of these.
+    fan: Fan,
     /// All directions matter; those below the normal start on the back.
     two_sided: bool,
 }
@@ -66,10 +66,7 @@ impl Geometry<'_> {
         match site {
             Site::Vertex(vertex) => {
                 let position = self.vertex_position(vertex);
-                let around = self
-                    .adjacency
-                    .corners(vertex)
-                    .map(|(t, k)| (t, corner_angle(&self.receivers[t], k)));
+                let around = self.adjacency.corners(vertex).map(|(t, _)| t);
                 self.sample_on(position, around)
             }
             Site::Edge {
@@ -84,8 +81,7 @@ impl Geometry<'_> {
                     .lerp(self.vertex_position(high), weight);
                 let around = self
                     .adjacency
-                    .edge(&self.topology.triangles, low, high)
-                    .map(|t| (t, 1.0));
+                    .edge(&self.topology.triangles, low, high);
                 self.sample_on(position, around)
             }
             Site::Interior {
@@ -99,44 +95,34 @@ impl Geometry<'_> {
                 let [a, b, c] = self.receivers[t].map(Vec3::as_dvec3);
                 let (i, j) = (f64::from(i) / n, f64::from(j) / n);
                 let position = a + (b - a) * i + (c - a) * j;
-                self.sample_on(position, [(t, 1.0)].into_iter())
+                self.sample_on(position, [t].into_iter())
             }
         }
     }
 
-    /// A sample on triangles that have these weights in its normal.
-    fn sample_on(
-        &self,
-        position: DVec3,
-        around: impl Iterator<Item = (usize, f64)>,
-    ) -> SamplePoint {
+    /// A sample on some triangles, all of which its origin is in front of.
+    fn sample_on(&self, position: DVec3, around: impl Iterator<Item = usize>) -> SamplePoint {
         let mut point = SamplePoint {
             position,
             ..SamplePoint::default()
         };
-        let mut sum = DVec3::ZERO;
         let mut inward = DVec3::ZERO;
-        let mut total = 0.0;
+        let mut count = 0.0;
         let mut size = f64::INFINITY;
-        for (t, weight) in around {
+        for t in around {
             let Some(normal) = self.normals[t] else {
                 continue;
             };
             let [a, b, c] = self.receivers[t].map(Vec3::as_dvec3);
             let centroid = (a + b + c) / 3.0;
             size = size.min((0.5 * (b - a).cross(c - a).length()).sqrt());
-            sum += weight * normal;
-            inward += weight * (centroid - position).normalize_or_zero();
-            total += weight;
+            inward += (centroid - position).normalize_or_zero();
+            count += 1.0;
             point.two_sided |= self.two_sided[t];
-            if !point.horizons.contains(&normal) {
-                point.horizons.push(normal);
-            }
+            point.fan.add(normal);
         }
-        let Some(normal) = sum
-            .try_normalize()
-            .or_else(|| point.horizons.first().copied())
-        else {
+        let first = point.fan.normals().first().copied();
+        let Some(normal) = point.fan.mean().or(first) else {
             return point;
         };
         point.normal = Some(normal);
@@ -144,7 +130,7 @@ impl Geometry<'_> {
         let distance = (OFFSET_OF_DIAGONAL * self.diagonal)
             .min(OFFSET_OF_TRIANGLE * size)
             .max(smallest);
-        let inward = inward / total.max(f64::MIN_POSITIVE);
+        let inward = inward / count;
         let inward = inward - normal * normal.dot(inward);
         point.lift = distance;
         point.pull = PULL * distance * inward;
@@ -180,7 +166,7 @@ impl Geometry<'_> {
                         self.see_tile(face, window, &front, &above, mask);
                         self.see_tile(face, window, &back, &below, mask);
                     } else {
-                        let above = above(face, window, &point.horizons);
+                        let above = above(face, window, point.fan.normals());
                         self.see_tile(face, window, &front, &above, mask);
                     }
                 }

@@ -1,53 +1,64 @@
 //! The line that splits a cell best.
 //!
-//! A split is judged by the variance that is left, Σ n p (1 − p) over its two sides with n texels and the share p of
-//! them visible (the Gini impurity of Breiman et al. 1984), because it falls with every split that separates anything.
-//! The paper's error E counts the texels on the wrong side, and stays level where a line cuts off a strip of a uniform
-//! majority: thin gaps are never found.
+//! A split is judged by Σ √(b v) over its two sides with b blocked and v visible texels: the impurity that makes small
+//! trees (Kearns and Mansour 1996, "On the boosting ability of top-down decision tree learning algorithms"). It falls
+//! with every split that separates anything, as the variance Σ b v/(b + v) does (Gini, Breiman et al. 1984), and favours
+//! pure sides more: measured, 15 % fewer leaves than by the variance at a third less error. The paper's error E counts
+//! the texels on the wrong side, and stays level where a line cuts off a strip of a uniform majority: thin gaps are
+//! never found.
 //!
 //! A line costs one table look-up per row: the texels of a row on one side of a line are a run from one end, and prefix
-//! sums over each row, made once per face, tell how many of them matter and how many of those are visible. It does not
-//! matter how many texels a row has, nor whether the cell still has them all.
+//! sums over each row, made once per face, tell how many of them are blocked and how many visible. It does not matter
+//! how many texels a row has, nor how many of them matter.
 //!
-//! The search: 16 angles × up to 16 offsets on a dozen rows of the cell, then the best three of the angles are moved
-//! end by end, each time by the step that helps most, halving the step until it is a sixteenth of a texel.
+//! Where one line separates what is visible from what is blocked, it is computed ([`crate::separate`]). Else it is
+//! searched: 16 angles × 6 offsets on some rows of the cell, then the best lines of the best six angles are moved
+//! end by end, with steps down to a sixteenth of a texel. Measured: finding more starts from a coarser grid and refining
+//! all of them gives smaller trees than a finer grid, for the same number of lines.
+
+use glam::DVec2;
 
 use crate::line::{BORDER_STEPS, IntLine, RowCrossings, UNIT_STEPS};
 use crate::mask::FaceMask;
+use crate::separate::separate;
 
 /// Angles of the coarse search.
 const ANGLES: u32 = 16;
 /// Most offsets of the coarse search, for each angle.
-const OFFSETS: usize = 16;
-/// Rows of the cell in the coarse search.
-const COARSE_ROWS: usize = 12;
+const OFFSETS: usize = 6;
+/// Rows of the cell in the coarse search, at most.
+const COARSE_ROWS: usize = 16;
 /// Angles whose best line is refined.
-const STARTS: usize = 3;
+const STARTS: usize = 6;
 /// Finest step of the refinement: this share of a texel.
 const FINEST: u32 = 16;
 
-/// Position of the count of visible texels in a sum; that of texels that matter is below it. 256² texels overflow by
-/// one, where a line has all of a face on one side and is refused anyway.
+/// Position of the count of visible texels in a sum; that of blocked ones is below it. Only 256² texels of one kind
+/// would be too many, but a cell of one kind is not split.
 const HIGH: u32 = 16;
 
-/// Texels that matter, and how many of them are visible.
+/// Texels that matter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
-    pub(crate) texels: u32,
+    pub(crate) blocked: u32,
     pub(crate) visible: u32,
 }
 
 impl Counts {
     fn from_sum(sum: u32) -> Self {
         Self {
-            texels: sum & ((1 << HIGH) - 1),
+            blocked: sum & ((1 << HIGH) - 1),
             visible: sum >> HIGH,
         }
     }
 
     fn add(&mut self, other: Self) {
-        self.texels += other.texels;
+        self.blocked += other.blocked;
         self.visible += other.visible;
+    }
+
+    pub(crate) fn texels(self) -> u32 {
+        self.blocked + self.visible
     }
 }
 
@@ -57,6 +68,8 @@ pub(crate) struct Table {
     pub(crate) size: u32,
     /// `size + 1` sums for each row.
     sums: Vec<u32>,
+    /// Words of each row: visible and blocked texels.
+    bits: Vec<[u64; 2]>,
 }
 
 /// A convex set of texels: a run of each row.
@@ -73,17 +86,40 @@ impl Table {
     pub(crate) fn load(&mut self, mask: &FaceMask) {
         self.size = mask.size();
         self.sums.clear();
+        self.bits.clear();
         for y in 0..self.size {
             let (cared, visible) = mask.row(y);
             let mut sum = 0_u32;
             self.sums.push(0);
             for (&cared, &visible) in cared.iter().zip(visible) {
+                let blocked = cared & !visible;
+                self.bits.push([visible, blocked]);
                 for x in 0..self.size.min(u64::BITS) {
-                    sum += (cared >> x & 1) as u32 | ((visible >> x & 1) as u32) << HIGH;
+                    sum += (blocked >> x & 1) as u32 | ((visible >> x & 1) as u32) << HIGH;
                     self.sums.push(sum);
                 }
             }
         }
+    }
+
+    /// First and last texel of a kind (0: visible, 1: blocked) in a run of a row.
+    fn ends(&self, y: usize, (low, high): (u32, u32), kind: usize) -> Option<(u32, u32)> {
+        let words = (self.size as usize).div_ceil(64);
+        let mut ends: Option<(u32, u32)> = None;
+        for (k, word) in self.bits[y * words..(y + 1) * words].iter().enumerate() {
+            let first = 64 * k as u32;
+            let (l, h) = (low.max(first), high.min(first + 64));
+            if l >= h {
+                continue;
+            }
+            let word = word[kind] & (u64::MAX >> (64 - (h - l))) << (l - first);
+            if word != 0 {
+                let last = first + 63 - word.leading_zeros();
+                let begin = ends.map_or(first + word.trailing_zeros(), |e| e.0);
+                ends = Some((begin, last));
+            }
+        }
+        ends
     }
 
     fn width(&self) -> usize {
@@ -113,7 +149,7 @@ impl Table {
         let mut first = None;
         let mut end = 0;
         for (k, run) in cell.runs.iter_mut().enumerate() {
-            let holds = run.0 < run.1 && Counts::from_sum(self.run(cell.y0 + k, *run)).texels > 0;
+            let holds = run.0 < run.1 && self.run(cell.y0 + k, *run) > 0;
             if holds {
                 first.get_or_insert(k);
                 end = k + 1;
@@ -198,22 +234,22 @@ impl Rows {
         self.all = Counts::from_sum(all);
     }
 
-    /// Variance that a line leaves which has `sum` at its crossings; lower is better.
+    /// Impurity that a line leaves which has `sum` at its crossings; lower is better.
     #[inline(always)]
     fn left_by(&self, sum: u32) -> f64 {
-        let counts = Counts::from_sum(sum.wrapping_sub(self.base));
-        if counts.texels == 0 || counts.texels == self.all.texels {
+        let low = Counts::from_sum(sum.wrapping_sub(self.base));
+        let high = Counts {
+            blocked: self.all.blocked - low.blocked,
+            visible: self.all.visible - low.visible,
+        };
+        if low.texels() == 0 || high.texels() == 0 {
             return f64::INFINITY;
         }
-        let part = |n: u32, v: u32| {
-            let (n, v) = (f64::from(n), f64::from(v));
-            v - v * v / n
+        let part = |counts: Counts| {
+            let (blocked, visible) = (f64::from(counts.blocked), f64::from(counts.visible));
+            (blocked * visible).sqrt()
         };
-        part(counts.texels, counts.visible)
-            + part(
-                self.all.texels - counts.texels,
-                self.all.visible - counts.visible,
-            )
+        part(low) + part(high)
     }
 }
 
@@ -231,6 +267,8 @@ struct Start {
 pub(crate) struct Search {
     rows: Rows,
     coarse: Rows,
+    /// The outermost texels of each row, visible and blocked.
+    sets: [Vec<DVec2>; 2],
     /// Lines that were evaluated.
     pub(crate) lines: u64,
 }
@@ -239,7 +277,52 @@ impl Search {
     /// The best line found, if any line has texels on both of its sides.
     pub(crate) fn best(&mut self, table: &Table, cell: &Cell) -> Option<IntLine> {
         self.rows.gather(table, cell, 1);
+        if let Some(line) = self.separating(table, cell) {
+            return Some(line);
+        }
         let stride = cell.runs.len().div_ceil(COARSE_ROWS).max(1);
+        let best = self.best_by(table, cell, stride);
+        // Some of the rows may hold a single texel.
+        if best.is_none() && stride > 1 {
+            return self.best_by(table, cell, 1);
+        }
+        best
+    }
+
+    /// A line with all visible texels on one side and all blocked ones on the other.
+    fn separating(&mut self, table: &Table, cell: &Cell) -> Option<IntLine> {
+        for set in &mut self.sets {
+            set.clear();
+        }
+        for (k, &run) in cell.runs.iter().enumerate() {
+            let y = cell.y0 + k;
+            let ends = [0, 1].map(|kind| table.ends(y, run, kind));
+            if let [Some(a), Some(b)] = ends
+                && a.0 < b.1
+                && b.0 < a.1
+            {
+                // One lies among the others.
+                return None;
+            }
+            for (set, ends) in self.sets.iter_mut().zip(ends) {
+                if let Some((first, last)) = ends {
+                    set.push(DVec2::new(f64::from(first), y as f64));
+                    if last > first {
+                        set.push(DVec2::new(f64::from(last), y as f64));
+                    }
+                }
+            }
+        }
+        let (normal, offset) = separate(&self.sets[0], &self.sets[1])?;
+        // From columns and rows to units of the face.
+        let texel = 2.0 / f64::from(table.size);
+        let offset = texel * offset + (0.5 * texel - 1.0) * (normal.x + normal.y);
+        let line = IntLine::ends_of(normal.to_angle(), offset).and_then(IntLine::new)?;
+        // Where the sets are very near to each other, rounding the ends of the line may be too much.
+        (self.evaluate(table, &line) == 0.0).then_some(line)
+    }
+
+    fn best_by(&mut self, table: &Table, cell: &Cell, stride: usize) -> Option<IntLine> {
         self.coarse.gather(table, cell, stride);
         let mut best: Option<(f64, IntLine)> = None;
         for start in self.starts(table, cell) {
@@ -345,28 +428,31 @@ impl Search {
             [1, -1],
             [-1, 1],
         ];
+        /// What a step is divided by where no move helps.
+        const SHRINK: i32 = 3;
         let finest = (2 * UNIT_STEPS / table.size / FINEST).max(1) as i32;
         let mut here = self.evaluate(table, &line);
         let mut step = ((0.5 * step * f64::from(UNIT_STEPS)) as i32).max(finest);
+        let (mut next, mut failed) = (0, 0);
         while step >= finest && here > 0.0 {
-            let mut moved = None;
-            for by in MOVES {
-                let shift = |end: u32, by: i32| {
-                    (end as i32 + by * step).rem_euclid(BORDER_STEPS as i32) as u32
-                };
-                let [p, q] = line.ends();
-                let Some(candidate) = IntLine::new([shift(p, by[0]), shift(q, by[1])]) else {
-                    continue;
-                };
-                let left = self.evaluate(table, &candidate);
-                if left < here {
-                    here = left;
-                    moved = Some(candidate);
-                }
+            let [dp, dq] = MOVES[next];
+            let shift =
+                |end: u32, by: i32| (end as i32 + by).rem_euclid(BORDER_STEPS as i32) as u32;
+            let [p, q] = line.ends();
+            let moved = IntLine::new([shift(p, dp * step), shift(q, dq * step)])
+                .map(|line| (self.evaluate(table, &line), line))
+                .filter(|(left, _)| *left < here);
+            if let Some(better) = moved {
+                // The same way again.
+                (here, line) = better;
+                failed = 0;
+                continue;
             }
-            match moved {
-                Some(candidate) => line = candidate,
-                None => step /= 2,
+            next = (next + 1) % MOVES.len();
+            failed += 1;
+            if failed == MOVES.len() {
+                step /= SHRINK;
+                failed = 0;
             }
         }
         (here, line)

@@ -11,34 +11,53 @@ use glam::{DVec3, Vec3};
 /// right angle are at 54.7° from their mean.
 const MIN_COSINE: f64 = 0.5;
 
-/// Corners that are one vertex.
-struct Cluster {
-    /// Sum of normals, weighted by the corners' angles, so that the tessellation does not matter (Thürmer and Wüthrich
-    /// 1998).
-    sum: DVec3,
+/// Normals this close to each other count as one: triangles of one plane, as `f32` vertices leave them.
+const SAME_COSINE: f64 = 0.9999;
+
+/// Normals of the triangles around a place, each direction once, so that the tessellation of a face does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Fan {
     normals: Vec<DVec3>,
-    two_sided: bool,
-    corners: Vec<u32>,
 }
 
-impl Cluster {
-    fn takes(&self, normal: DVec3, weight: f64) -> bool {
-        let Some(mean) = (self.sum + weight * normal).try_normalize() else {
-            return false;
-        };
-        self.normals
-            .iter()
-            .chain([&normal])
-            .all(|n| n.dot(mean) >= MIN_COSINE)
+impl Fan {
+    pub(crate) fn add(&mut self, normal: DVec3) {
+        if !self.has(normal) {
+            self.normals.push(normal);
+        }
+    }
+
+    fn has(&self, normal: DVec3) -> bool {
+        self.normals.iter().any(|n| n.dot(normal) > SAME_COSINE)
+    }
+
+    pub(crate) fn normals(&self) -> &[DVec3] {
+        &self.normals
+    }
+
+    /// The direction in the middle; none for no normals, or for opposite ones.
+    pub(crate) fn mean(&self) -> Option<DVec3> {
+        self.normals.iter().sum::<DVec3>().try_normalize()
+    }
+
+    /// Whether all normals lie within the cone also with this one.
+    fn takes(&self, normal: DVec3) -> bool {
+        if self.has(normal) {
+            return true;
+        }
+        let with = || self.normals.iter().copied().chain([normal]);
+        let mean: DVec3 = with().sum();
+        // Opposite normals have no mean.
+        let least = (MIN_COSINE * mean.length()).max(f64::MIN_POSITIVE);
+        with().all(|n| n.dot(mean) >= least)
     }
 }
 
-/// Angle of a triangle at one of its corners.
-pub(crate) fn corner_angle(triangle: &[Vec3; 3], corner: usize) -> f64 {
-    let [p, q, r] = [0, 1, 2].map(|k| triangle[(corner + k) % 3].as_dvec3());
-    let (a, b) = (q - p, r - p);
-    // By the tangent, which is accurate for slivers too.
-    a.cross(b).length().atan2(a.dot(b))
+/// Corners that are one vertex.
+struct Cluster {
+    fan: Fan,
+    two_sided: bool,
+    corners: Vec<u32>,
 }
 
 /// Vertex of each corner, numbered by first appearance.
@@ -62,25 +81,22 @@ pub(crate) fn weld(
         let mut clusters: Vec<Cluster> = Vec::new();
         let mut loose = Vec::new();
         for &(_, corner) in group {
-            let (t, k) = (corner as usize / 3, corner as usize % 3);
+            let t = corner as usize / 3;
             let Some(normal) = normals[t] else {
                 loose.push(corner);
                 continue;
             };
-            let weight = corner_angle(&triangles[t], k);
             let fits = clusters
                 .iter_mut()
-                .find(|c| c.two_sided == two_sided[t] && c.takes(normal, weight));
+                .find(|c| c.two_sided == two_sided[t] && c.fan.takes(normal));
             if let Some(cluster) = fits {
-                cluster.sum += weight * normal;
-                if !cluster.normals.contains(&normal) {
-                    cluster.normals.push(normal);
-                }
+                cluster.fan.add(normal);
                 cluster.corners.push(corner);
             } else {
+                let mut fan = Fan::default();
+                fan.add(normal);
                 clusters.push(Cluster {
-                    sum: weight * normal,
-                    normals: vec![normal],
+                    fan,
                     two_sided: two_sided[t],
                     corners: vec![corner],
                 });

@@ -4,6 +4,7 @@ use crate::EFFECT;
 use crate::light::PolygonLight;
 use crate::prepare::ViewAreaLights;
 use crate::types::COUNTER_NAMES;
+use akari_render::ledger::CollectCounters;
 use akari_render::prelude::*;
 use bevy::light::RectLight;
 use bevy::material::OpaqueRendererMethod;
@@ -12,7 +13,6 @@ use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::render::{Extract, ExtractSchedule, RenderApp};
 
 /// Census entry: rectangular and polygonal lights that are not hidden.
 pub const VISIBLE_AREA_LIGHTS: &str = "visible area lights";
@@ -21,7 +21,7 @@ pub const AREA_LIT_CAMERAS: &str = "cameras with area lighting";
 
 /// Systems of the main world.
 pub fn build(app: &mut App) {
-    app.init_resource::<CollectCounters>().add_systems(
+    app.add_systems(
         PostUpdate,
         (
             count_area_lights.in_set(AkariSystems::Census),
@@ -30,11 +30,6 @@ pub fn build(app: &mut App) {
                 .in_set(AkariSystems::Demand),
         ),
     );
-    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app
-            .init_resource::<CollectCounters>()
-            .add_systems(ExtractSchedule, extract_collect_counters);
-    }
 }
 
 /// The demand: a pure function of the census.
@@ -132,18 +127,6 @@ fn stays_forward(material: &StandardMaterial) -> Option<&'static str> {
     // `Auto` is deferred: `AkariRenderPlugin` makes that the default.
     matches!(material.opaque_render_method, OpaqueRendererMethod::Forward)
         .then_some("its opaque_render_method is Forward")
-}
-
-/// Set it to read the counts of the culling pass back into
-/// [`GpuLedger::counters`](akari_render::ledger::GpuLedger::counters), a frame or two late.
-#[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub struct CollectCounters(pub bool);
-
-fn extract_collect_counters(
-    mut target: ResMut<CollectCounters>,
-    source: Extract<Res<CollectCounters>>,
-) {
-    target.set_if_neq(**source);
 }
 
 /// Copies the counters of this frame to the CPU without waiting for them.

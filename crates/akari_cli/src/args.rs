@@ -293,9 +293,9 @@ pub struct DenoiseArgs {
     /// Which likeness of two pixels the filter goes by
     #[arg(long, value_enum, default_value_t = MethodArg::Guided)]
     pub method: MethodArg,
-    /// Which neighbours the filter visits
-    #[arg(long, value_enum, default_value_t = KernelArg::Full)]
-    pub kernel: KernelArg,
+    /// Which neighbours the filter visits; a-trous for guided without --radius, full otherwise
+    #[arg(long, value_enum)]
+    pub kernel: Option<KernelArg>,
     /// Exponent of the lobes' likeness, for every method but guided
     #[arg(long, default_value_t = 20.0)]
     pub beta: f32,
@@ -305,9 +305,9 @@ pub struct DenoiseArgs {
     /// Variance of the normal-aware method
     #[arg(long, default_value_t = 0.01)]
     pub sigma_n2: f32,
-    /// Radius of the kernel in pixels
-    #[arg(long, default_value_t = 10)]
-    pub radius: u32,
+    /// Radius of the full and the separable kernel in pixels, 10 if absent
+    #[arg(long)]
+    pub radius: Option<u32>,
     /// Change one setting of the denoiser; repeatable. `akari inspect --settings` lists them
     #[arg(long = "set", value_name = "denoise.KNOB=VALUE")]
     pub set: Vec<Setting>,

@@ -134,6 +134,9 @@ fn radiance_scale(color: &RgbImage, albedo: &RgbImage) -> f32 {
     (-mean.log2().round()).clamp(-100.0, 100.0).exp2() as f32
 }
 
+/// Radius of the kernel without `--radius`, pixels.
+const DEFAULT_RADIUS: u32 = 10;
+
 fn settings(args: &DenoiseArgs) -> Result<Denoise, CliError> {
     let mut settings = Denoise {
         history: 1,
@@ -147,9 +150,11 @@ fn settings(args: &DenoiseArgs) -> Result<Denoise, CliError> {
         MethodArg::Distribution => Method::Distribution,
     };
     let kernel = match args.kernel {
-        KernelArg::Full => Kernel::Full,
-        KernelArg::Separable => Kernel::Separable,
-        KernelArg::ATrous => Kernel::ATrous,
+        Some(KernelArg::Full) => Kernel::Full,
+        Some(KernelArg::Separable) => Kernel::Separable,
+        Some(KernelArg::ATrous) => Kernel::ATrous,
+        None if method == Method::Guided && args.radius.is_none() => Kernel::ATrous,
+        None => Kernel::Full,
     };
     settings.method = method;
     settings.kernel = kernel;
@@ -157,7 +162,7 @@ fn settings(args: &DenoiseArgs) -> Result<Denoise, CliError> {
         ("beta", args.beta),
         ("kappa", args.kappa),
         ("sigma_n_squared", args.sigma_n2),
-        ("radius", args.radius as f32),
+        ("radius", args.radius.unwrap_or(DEFAULT_RADIUS) as f32),
     ] {
         settings
             .set_knob(knob, value)

@@ -14,11 +14,12 @@ use akari_scene::Scene;
 use akari_scene::exr_io::RgbImage;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderDevice;
-use bevy_akari::area_light::demand::{CollectCounters, VISIBLE_AREA_LIGHTS};
+use bevy_akari::area_light::demand::VISIBLE_AREA_LIGHTS;
 use bevy_akari::headless::{Headless, HeadlessOptions};
 use bevy_akari::prelude::*;
 use bevy_akari::render::capture::CaptureBuffers;
 use bevy_akari::render::census::Census;
+use bevy_akari::render::ledger::CollectCounters;
 use std::time::Instant;
 
 /// Effects that a command line may name.

@@ -9,7 +9,7 @@
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 #import akari_denoise::signal::{demodulation, load_guide}
 #import akari_denoise::types::{
-    DenoiseView, Remembered, Support, dither, remembered_unpack, support_store, support_unpack,
+    DenoiseView, Remembered, dither, frames_store, remembered_unpack,
 }
 #import akari_lobes::guides::{DIFFUSE_INVERSE_SHARPNESS, Guide, reflection_lobe}
 
@@ -42,21 +42,25 @@ struct Listed {
 const UPSAMPLING_SIGMA: f32 = 0.6;
 // Texels to each side.
 const UPSAMPLING_RADIUS: i32 = 1;
-// Exponent and inverse smoothing sharpness of the lobes' likeness where samples are spread to their neighbours.
+// Exponent and inverse smoothing sharpness of the guided method's likeness where samples are spread to their
+// neighbours: the other methods have their own.
 const UPSAMPLING_BETA: f32 = 20.0;
-const UPSAMPLING_INVERSE_KAPPA: f32 = 1e-3;
+const UPSAMPLING_INVERSE_KAPPA: f32 = 0.01;
+// The same for whether a neighbour's sample can stand for the pixel's: the overlap of the lobes as they are.
+const SUPPORT_BETA: f32 = 2.0;
+const SUPPORT_INVERSE_KAPPA: f32 = 1e-5;
 // Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
 const PLANE_TOLERANCE: f32 = 0.005;
 // Standard deviation, in pixels, of the nearness under which a sample counts as one of this very pixel.
-const OWN_SAMPLE_SIGMA: f32 = 0.5;
-// Least that a frame counts in the mean, so that no pixel waits for a sample of its own for ever.
+const OWN_SAMPLE_SIGMA: f32 = 0.35;
+// Least that the frames of one round over a block count in the mean, so that no pixel is without an estimate.
 const LEAST_SAMPLE: f32 = 0.05;
 
 // The samples of this frame as seen from one pixel.
 struct Gathered {
     // Demodulated radiance.
     color: vec3<f32>,
-    // Weight of the likeness, 1 where all neighbours are alike.
+    // Overlap of the neighbours' lobes with the pixel's, 1 where all are the same.
     confidence: f32,
     // How much of a sample of its own the pixel has got, 0 to 1.
     own: f32,
@@ -80,6 +84,7 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
     var sum = vec3(0.0);
     var weight_sum = 0.0;
     var full_sum = 0.0;
+    var support = 0.0;
     var own = 0.0;
     // The likest sample, for where no weight is left.
     var best_log = -1e30;
@@ -106,6 +111,9 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
             let weight = combined_weight(log_weight);
             sum += weight * color;
             weight_sum += weight;
+            support += full * combined_weight(lobe_log_weight(
+                guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA,
+            ) + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane));
             own = max(own, combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA)));
             if log_weight > best_log {
                 best_log = log_weight;
@@ -117,7 +125,7 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
     if weight_sum < 1e-6 {
         return Gathered(best, 0.0, own);
     }
-    return Gathered(sum / weight_sum, weight_sum / max(full_sum, 1e-6), own);
+    return Gathered(sum / weight_sum, support / max(full_sum, 1e-6), own);
 #else
     return Gathered(demodulated(pixel, pixel, guide), 1.0, 1.0);
 #endif
@@ -129,7 +137,14 @@ fn likeness_log_weight(i: Guide, j: Guide, inverse_plane: f32) -> f32 {
 #ifdef METHOD_NORMAL
     return plane + normal_log_weight(i.normal_ws, j.normal_ws, denoise.sigma_n_squared);
 #else
-    return plane + lobe_log_weight(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, UPSAMPLING_BETA, UPSAMPLING_INVERSE_KAPPA);
+#ifdef METHOD_GUIDED
+    let beta = UPSAMPLING_BETA;
+    let inverse_kappa = UPSAMPLING_INVERSE_KAPPA;
+#else
+    let beta = denoise.beta;
+    let inverse_kappa = denoise.inverse_kappa;
+#endif
+    return plane + lobe_log_weight(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, beta, inverse_kappa);
 #endif
 }
 
@@ -145,19 +160,23 @@ const MOVING_DISOCCLUSION: f32 = 0.05;
 const OWN_MOTION: f32 = 0.5;
 // Bilinear weight under which there is no history.
 const LEAST_HISTORY_WEIGHT: f32 = 0.05;
-// Samples around a pixel that tell what its light is now: so many to each side, so many texels apart.
-const CLAMP_RADIUS: i32 = 2;
-const CLAMP_STRIDE: i32 = 2;
-// Standard errors of their mean that the history may be away from it.
-const CLAMP_DEVIATIONS: f32 = 3.0;
-// What it may be away in any case, relative to the mean.
-const CLAMP_RELATIVE: f32 = 0.05;
+// Samples around a pixel that tell whether its light has changed: so many texels to each side, and the standard
+// deviations of the two Gaussians in texels.
+const CHANGE_RADIUS: i32 = 3;
+const NEAR_SIGMA: f32 = 1.0;
+const WIDE_SIGMA: f32 = 2.5;
+// Standard errors of the mean change from which on the light has changed.
+const CHANGE_DEVIATIONS: f32 = 2.5;
+// Least standard deviation of one sample, relative to the light.
+const LEAST_RELATIVE_DEVIATION: f32 = 0.15;
 
 // What the frame before knew of a pixel.
 struct History {
     color: vec3<f32>,
     // Frames' worth of samples, 0 if there is none.
     frames: f32,
+    // How far it still holds: 0 where the light has changed.
+    holds: f32,
 }
 
 // Where a point relative to the camera was on the previous frame's screen, in pixels.
@@ -232,9 +251,9 @@ fn history_at(place: vec2<f32>, moving: bool, guide: Guide) -> History {
         weight_sum += weight;
     }
     if weight_sum < LEAST_HISTORY_WEIGHT {
-        return History(vec3(0.0), 0.0);
+        return History(vec3(0.0), 0.0, 0.0);
     }
-    return History(color / weight_sum, frames / weight_sum);
+    return History(color / weight_sum, frames / weight_sum, 1.0);
 }
 
 fn reproject(pixel: vec2<i32>, guide: Guide) -> History {
@@ -258,62 +277,108 @@ fn reproject(pixel: vec2<i32>, guide: Guide) -> History {
         let weight_surface = (1.0 - share) * surface.frames;
         let sum = weight_reflected + weight_surface;
         if sum > 0.0 {
-            return History(
+            let both = History(
                 (reflected.color * weight_reflected + surface.color * weight_surface) / sum,
                 share * reflected.frames + (1.0 - share) * surface.frames,
+                1.0,
             );
+            return correct_history(both, mix(place, image, share), pixel, guide);
         }
-        return History(vec3(0.0), 0.0);
+        return History(vec3(0.0), 0.0, 0.0);
     }
 #endif
+    if surface.frames > 0.0 {
+        return correct_history(surface, place, pixel, guide);
+    }
     return surface;
 }
 
-// The history, brought to where this frame's samples say that the light is, and shortened as far as it was off.
-fn clamp_history(history: History, pixel: vec2<i32>, guide: Guide) -> History {
+// What samples around a pixel say of the change of its light since the history.
+struct Change {
+    sum: vec3<f32>,
+    sum_squares: vec3<f32>,
+    level: vec3<f32>,
+    weights: f32,
+    weights_squared: f32,
+}
+
+fn add_change(change: ptr<function, Change>, weight: f32, now: vec3<f32>, was: vec3<f32>) {
+    let difference = now - was;
+    (*change).sum += weight * difference;
+    (*change).sum_squares += weight * difference * difference;
+    (*change).level += weight * 0.5 * (now + was);
+    (*change).weights += weight;
+    (*change).weights_squared += weight * weight;
+}
+
+// Variance of one sample's change.
+fn change_variance(change: Change) -> vec3<f32> {
+    let weights = max(change.weights, 1e-6);
+    let mean = change.sum / weights;
+    return max(change.sum_squares / weights - mean * mean, vec3(0.0));
+}
+
+// How many times more the light has changed than noise of this variance explains.
+fn change_excess(change: Change, variance: vec3<f32>) -> f32 {
+    if change.weights < LEAST_HISTORY_WEIGHT {
+        return 0.0;
+    }
+    let mean = abs(change.sum / change.weights);
+    // Effective number of samples; of n, the sample variance misses the n-th part.
+    let count = change.weights * change.weights / max(change.weights_squared, 1e-6);
+    let error = sqrt(variance / max(count - 1.0, 0.5));
+    // Few samples of a light that is mostly dark look alike by chance: their variance has a floor.
+    let least = LEAST_RELATIVE_DEVIATION / sqrt(count) * change.level / change.weights;
+    let excess = mean / (CHANGE_DEVIATIONS * max(error, least) + 1e-6);
+    return max(excess.x, max(excess.y, excess.z));
+}
+
+// The history, shortened as far as this frame's samples say that the light has changed.
+//
+// Samples around the pixel are compared with the history at their own places, so that what differs in space cancels
+// out: what is left is noise, of a known standard error, or the light has changed. Once in a small neighbourhood, for
+// the edges of what has changed, and once in a large one, for small changes.
+fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: Guide) -> History {
     let scale = i32(denoise.scale);
     let offset = vec2<i32>(denoise.sample_offset);
     let last = vec2<i32>(denoise.signal_size) - 1;
     let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
     let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
-    var sum = vec3(0.0);
-    var sum_squares = vec3(0.0);
-    var weights = 0.0;
-    var weights_squared = 0.0;
-    for (var y = -CLAMP_RADIUS; y <= CLAMP_RADIUS; y++) {
-        for (var x = -CLAMP_RADIUS; x <= CLAMP_RADIUS; x++) {
-            let texel = nearest + CLAMP_STRIDE * vec2(x, y);
+    let shift = vec2<i32>(floor(place)) - pixel;
+    var near = Change(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
+    var wide = near;
+    for (var y = -CHANGE_RADIUS; y <= CHANGE_RADIUS; y++) {
+        for (var x = -CHANGE_RADIUS; x <= CHANGE_RADIUS; x++) {
+            let texel = nearest + vec2(x, y);
             let sampled = texel * scale + offset;
-            if any(texel < vec2(0)) || any(texel > last) || any(sampled >= vec2<i32>(denoise.size)) {
+            let before = sampled + shift;
+            if any(texel < vec2(0)) || any(texel > last) || any(sampled >= vec2<i32>(denoise.size))
+                || any(before < vec2(0)) || any(before >= vec2<i32>(denoise.size)) {
                 continue;
             }
             let other = load_guide(sampled);
             if !other.valid {
                 continue;
             }
-            let weight = combined_weight(likeness_log_weight(guide, other, inverse_plane));
-            let color = demodulated(texel, sampled, other);
-            sum += weight * color;
-            sum_squares += weight * color * color;
-            weights += weight;
-            weights_squared += weight * weight;
+            // What was only spread to the neighbour from elsewhere says nothing of a change there.
+            let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
+            let likeness = likeness_log_weight(guide, other, inverse_plane);
+            let now = demodulated(texel, sampled, other);
+            let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
+            let distance_squared = f32(x * x + y * y);
+            add_change(&near, known * combined_weight(likeness - distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA))), now, was);
+            add_change(&wide, known * combined_weight(likeness - distance_squared * (0.5 / (WIDE_SIGMA * WIDE_SIGMA))), now, was);
         }
     }
-    if weights < LEAST_HISTORY_WEIGHT {
-        return history;
-    }
-    let mean = sum / weights;
-    let variance = max(sum_squares / weights - mean * mean, vec3(0.0));
-    // Effective number of samples; of n, the sample variance misses the n-th part.
-    let count = weights * weights / max(weights_squared, 1e-6);
-    let error = sqrt(variance / max(count - 1.0, 0.5));
-    let allowed = CLAMP_DEVIATIONS * error + CLAMP_RELATIVE * mean + 1e-6;
-    let away = history.color - mean;
-    let excess = max(abs(away.x) / allowed.x, max(abs(away.y) / allowed.y, abs(away.z) / allowed.z));
+    // A few samples can look alike by chance: the larger neighbourhood knows better how noisy they are.
+    let variance = max(change_variance(near), change_variance(wide));
+    let excess = max(change_excess(near, variance), change_excess(wide, variance));
     if excess <= 1.0 {
         return history;
     }
-    return History(mean + clamp(away, -allowed, allowed), history.frames / (excess * excess));
+    let squared = excess * excess;
+    let holds = 1.0 / (squared * squared);
+    return History(history.color, history.frames * holds, holds);
 }
 #endif
 
@@ -332,23 +397,22 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     if !guide.valid {
         textureStore(estimates, pixel, vec4(0u));
-        textureStore(supports, pixel, vec4(support_store(word, Support(0.0, 0.0))));
+        textureStore(supports, pixel, vec4(frames_store(word, 0.0)));
         return;
     }
     let gathered = gather(pixel, guide);
     var color = gathered.color;
-    var frames = max(gathered.own, LEAST_SAMPLE);
+    var frames = max(gathered.own, LEAST_SAMPLE / f32(denoise.scale * denoise.scale));
 #ifdef HISTORY
-    var history = History(vec3(0.0), 0.0);
+    var history = History(vec3(0.0), 0.0, 0.0);
     if denoise.has_history != 0u {
         history = reproject(pixel, guide);
-        if history.frames > 0.0 {
-            history = clamp_history(history, pixel, guide);
-        }
     }
     if history.frames > 0.0 {
         let kept = min(history.frames, max(denoise.max_history - frames, 0.0));
-        color = mix(history.color, color, frames / (frames + kept));
+        // What no longer holds gives way to the neighbours' samples even where the pixel has none of its own.
+        let holds = max(history.holds, gathered.own);
+        color = mix(mix(color, history.color, holds), color, frames / (frames + kept));
         frames += kept;
     }
 #endif
@@ -361,5 +425,5 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 #endif
     textureStore(estimates, pixel, vec4(radiance_pack(color, dither(id.xy, denoise.frame))));
-    textureStore(supports, pixel, vec4(support_store(word, Support(frames, 0.0))));
+    textureStore(supports, pixel, vec4(frames_store(word, frames)));
 }

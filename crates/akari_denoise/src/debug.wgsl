@@ -3,7 +3,7 @@
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import akari_math::lobe_packing::lobe_width
 #import akari_denoise::signal::load_guide
-#import akari_denoise::types::{DenoiseStage, DenoiseView, support_unpack}
+#import akari_denoise::types::{DenoiseStage, DenoiseView, frames_unpack}
 #ifdef VIEW_WEIGHTS
 #import akari_denoise::weights::{Center, center_of, stage_log_weight}
 #import akari_math::lobe_weight::combined_weight
@@ -13,10 +13,7 @@
 @group(1) @binding(1) var<uniform> stage: DenoiseStage;
 @group(1) @binding(2) var estimates: texture_2d<u32>;
 @group(1) @binding(3) var supports: texture_2d<u32>;
-@group(1) @binding(4) var guide_colors: texture_2d<u32>;
-#ifdef HISTORY
-@group(1) @binding(5) var remembered: texture_2d<u32>;
-#endif
+@group(1) @binding(4) var prefiltered: texture_2d<u32>;
 #ifdef MARK_RESAMPLED
 @group(1) @binding(6) var marks: texture_2d<u32>;
 #endif
@@ -26,13 +23,15 @@ fn debug(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(in.position.xy);
     let guide = load_guide(pixel);
 #ifdef VIEW_RESAMPLED
+    var shaded_again = false;
 #ifdef MARK_RESAMPLED
-    if textureLoad(marks, pixel, 0).r == denoise.frame {
-        return vec4(1.0, 0.0, 0.0, 1.0);
+    shaded_again = textureLoad(marks, pixel, 0).r == denoise.frame;
+#endif
+    if !shaded_again {
+        discard;
     }
-#endif
-    discard;
-#endif
+    return vec4(1.0, 0.0, 0.0, 1.0);
+#else
     if !guide.valid {
         return vec4(0.0, 0.0, 0.0, 1.0);
     }
@@ -43,7 +42,7 @@ fn debug(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     return vec4(vec3(lobe_width(guide.inverse_sharpness)), 1.0);
 #endif
 #ifdef VIEW_HISTORY
-    let frames = support_unpack(textureLoad(supports, pixel, 0).r).history;
+    let frames = frames_unpack(textureLoad(supports, pixel, 0).r);
     return vec4(vec3(frames / max(denoise.max_history, 1.0)), 1.0);
 #endif
 #ifdef VIEW_WEIGHTS
@@ -58,8 +57,9 @@ fn debug(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     if !center_guide.valid || any(abs(offset) > reach) || !on_a_tap {
         discard;
     }
-    let center = center_of(cursor, center_guide, guide_colors, supports);
-    let log_weight = stage_log_weight(center, pixel, guide, vec2<f32>(offset), denoise, stage, guide_colors, supports);
+    let center = center_of(cursor, center_guide, prefiltered);
+    let log_weight = stage_log_weight(center, pixel, guide, vec2<f32>(offset), denoise, stage, prefiltered);
     return vec4(combined_weight(log_weight), 0.0, 0.0, 1.0);
+#endif
 #endif
 }

@@ -2,10 +2,15 @@
 
 use crate::EFFECT;
 use crate::settings::{DefaultDenoise, Denoise};
+use akari_render::ledger::CollectCounters;
 use akari_render::prelude::*;
-use akari_render::signals::MakesSignals;
+use akari_render::signals::{MakesSignals, ResampleList};
 use bevy::core_pipeline::prepass::MotionVectorPrepass;
 use bevy::prelude::*;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 /// Census entry: active cameras with noisy signals.
 pub const CAMERAS_WITH_SIGNALS: &str = "cameras with noisy signals";
@@ -77,6 +82,46 @@ fn want_motion_vectors(
                 .entity(camera)
                 .remove::<(MotionVectorPrepass, MotionVectorsForDenoise)>();
         }
+    }
+}
+
+/// Name under which the pixels that were shaded again are counted.
+pub const RESAMPLED_COUNTER: &str = "pixels shaded again";
+
+/// Copies the number of listed pixels to the CPU without waiting for it.
+pub(crate) fn collect_counters(
+    collect: Res<CollectCounters>,
+    views: Query<&ResampleList>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    ledger: Res<GpuLedger>,
+) {
+    if !collect.0 {
+        return;
+    }
+    for list in &views {
+        let staging: Buffer = device.create_buffer(&BufferDescriptor {
+            label: Some("akari_denoise_counter_staging"),
+            size: 4,
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+            label: Some("akari_denoise_collect_counter"),
+        });
+        encoder.copy_buffer_to_buffer(&list.pixels, 0, &staging, 0, 4);
+        queue.submit([encoder.finish()]);
+        let ledger = ledger.clone();
+        let mapped = staging.clone();
+        staging.slice(..).map_async(MapMode::Read, move |result| {
+            if result.is_ok() {
+                let bytes = mapped.slice(..).get_mapped_range();
+                let count = bytes
+                    .first_chunk()
+                    .map_or(0, |word| u32::from_le_bytes(*word));
+                ledger.set_counter(RESAMPLED_COUNTER, u64::from(count));
+            }
+        });
     }
 }
 

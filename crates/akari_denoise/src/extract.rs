@@ -5,6 +5,9 @@ use crate::prepare::{DenoiseState, PreviousCamera, ViewDenoisePasses};
 use crate::settings::{DefaultDenoise, Denoise};
 use crate::targets::DenoiseTargets;
 use akari_render::signals::{MakesSignals, ResampleList, ViewSignals};
+use bevy::core_pipeline::prepass::{
+    BackgroundMotionVectorsBindGroup, BackgroundMotionVectorsPipelineId,
+};
 use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -54,6 +57,12 @@ pub fn extract_denoise_views(
     }
     for view in &marked {
         if !wanted.contains(&view) {
+            // With the signals go the motion vectors that were drawn for them. Bevy 0.19 leaves these two behind, and
+            // then draws into an attachment that is no longer there.
+            commands.entity(view).remove::<(
+                BackgroundMotionVectorsPipelineId,
+                BackgroundMotionVectorsBindGroup,
+            )>();
             commands.entity(view).remove::<(
                 ViewDenoise,
                 ViewSignals,

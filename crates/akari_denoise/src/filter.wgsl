@@ -14,15 +14,14 @@
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var<uniform> stage: DenoiseStage;
 @group(1) @binding(2) var estimates: texture_2d<u32>;
-@group(1) @binding(3) var supports: texture_2d<u32>;
-@group(1) @binding(4) var guide_colors: texture_2d<u32>;
+@group(1) @binding(3) var prefiltered: texture_2d<u32>;
 #ifndef LAST_STAGE
-@group(1) @binding(5) var filtered: texture_storage_2d<r32uint, write>;
+@group(1) @binding(4) var filtered: texture_storage_2d<r32uint, write>;
 #endif
 
 fn filter_pixel(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
     let last = vec2<i32>(denoise.size) - 1;
-    let center = center_of(pixel, guide, guide_colors, supports);
+    let center = center_of(pixel, guide, prefiltered);
     // The pixel itself counts fully, so that the sum of weights is never 0.
     var sum = radiance_unpack(textureLoad(estimates, pixel, 0).r);
     var weights = 1.0;
@@ -37,7 +36,7 @@ fn filter_pixel(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
             if !other.valid {
                 continue;
             }
-            let log_weight = stage_log_weight(center, neighbor, other, vec2<f32>(offset), denoise, stage, guide_colors, supports);
+            let log_weight = stage_log_weight(center, neighbor, other, vec2<f32>(offset), denoise, stage, prefiltered);
             let weight = combined_weight(log_weight);
             sum += weight * radiance_unpack(textureLoad(estimates, neighbor, 0).r);
             weights += weight;

@@ -1,45 +1,76 @@
 // The prefiltered image that the filter goes by, and the variance of its noise.
 
 #import akari_math::lobe_weight::combined_weight
+#import akari_math::noise_estimate::noise_cap
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 #import akari_denoise::likeness::guide_log_weight
 #import akari_denoise::signal::load_guide
-#import akari_denoise::types::{
-    DenoiseView, Support, dither, luminance, noise_unpack, support_store, support_unpack,
-}
+#import akari_denoise::types::{DenoiseView, dither, luminance, noise_unpack}
+#import akari_lobes::guides::Guide
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var estimates: texture_2d<u32>;
 @group(1) @binding(2) var noise: texture_2d<u32>;
-@group(1) @binding(3) var guide_colors: texture_storage_2d<r32uint, write>;
-@group(1) @binding(4) var supports: texture_storage_2d<r32uint, read_write>;
+// Radiance, and the bits of the variance of a channel.
+@group(1) @binding(3) var prefiltered: texture_storage_2d<rg32uint, write>;
 
 // Neighbours to each side, and the standard deviation of the screen-space Gaussian, pixels.
 const RADIUS: i32 = 2;
 const SIGMA: f32 = 1.0;
 // How far away, in pixels, the noise is looked up where structure hides it, and the likeness that such a pixel needs.
-const ERODE_STEP: i32 = 5;
-const ERODE_LIKENESS: f32 = 0.3;
+const HIDDEN_STEP: i32 = 5;
+const HIDDEN_LIKENESS: f32 = 0.3;
+// How far away, in pixels, the relative noise all around is looked up, in one ring and in another of twice the size, and
+// how many of these pixels must have some.
+const WIDE_STEP: i32 = 12;
+const LEAST_WIDE: f32 = 3.0;
+// Relative noise all around where it is not known.
+const UNKNOWN_NOISE: f32 = 10.0;
 
-// Noise of a pixel; where structure hides it, the least of what is found around.
-fn noise_of(pixel: vec2<i32>) -> f32 {
+fn is_outside(pixel: vec2<i32>) -> bool {
+    return any(pixel < vec2(0)) || any(pixel >= vec2<i32>(denoise.size));
+}
+
+// Step i of the eight around a pixel; i = 4 is the pixel itself.
+fn ring(i: i32) -> vec2<i32> {
+    return vec2(i % 3 - 1, i / 3 - 1);
+}
+
+// Noise of a pixel: where structure hides it, the least of what is found around; and where all around has little, no
+// more than that allows, since a spike there is a highlight.
+fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> f32 {
     let own = noise_unpack(textureLoad(noise, pixel, 0).r);
-    if own.structure <= 0.0 {
-        return own.variance;
+    var variance = own.variance;
+    if own.hidden > 0.0 {
+        var least = own.variance;
+        for (var i = 0; i < 9; i++) {
+            let neighbor = pixel + HIDDEN_STEP * ring(i);
+            if i == 4 || is_outside(neighbor) {
+                continue;
+            }
+            let other = load_guide(neighbor);
+            if other.valid && combined_weight(guide_log_weight(guide, other)) > HIDDEN_LIKENESS {
+                least = min(least, noise_unpack(textureLoad(noise, neighbor, 0).r).variance);
+            }
+        }
+        variance = mix(own.variance, least, own.hidden);
     }
-    let guide = load_guide(pixel);
-    var least = own.variance;
-    for (var i = 0; i < 9; i++) {
-        let neighbor = pixel + ERODE_STEP * vec2(i % 3 - 1, i / 3 - 1);
-        if i == 4 || any(neighbor < vec2(0)) || any(neighbor >= vec2<i32>(denoise.size)) {
+    var logarithms = 0.0;
+    var count = 0.0;
+    for (var i = 0; i < 18; i++) {
+        let neighbor = pixel + WIDE_STEP * (1 + i / 9) * ring(i % 9);
+        if i % 9 == 4 || is_outside(neighbor) {
             continue;
         }
-        let other = load_guide(neighbor);
-        if other.valid && combined_weight(guide_log_weight(guide, other)) > ERODE_LIKENESS {
-            least = min(least, noise_unpack(textureLoad(noise, neighbor, 0).r).variance);
+        let found = noise_unpack(textureLoad(noise, neighbor, 0).r);
+        if found.known {
+            logarithms += found.log_relative;
+            count += 1.0;
         }
     }
-    return mix(own.variance, least, own.structure);
+    let wide = select(UNKNOWN_NOISE, exp2(logarithms / max(count, 1.0)), count > LEAST_WIDE);
+    let most = noise_cap(wide) * level;
+    return min(variance, most * most);
 }
 
 @compute @workgroup_size(8, 8, 1)
@@ -48,22 +79,18 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let pixel = vec2<i32>(id.xy);
-    let last = vec2<i32>(denoise.size) - 1;
     let guide = load_guide(pixel);
     var color = vec3(0.0);
     var variance = 0.0;
     if guide.valid {
         var sum = vec3(0.0);
-        var weights = 0.0;
-#ifdef METHOD_DISTRIBUTION
         var sum_squares = 0.0;
-#else
-        var variance_sum = 0.0;
-#endif
+        var weights = 0.0;
+        var weights_squared = 0.0;
         for (var y = -RADIUS; y <= RADIUS; y++) {
             for (var x = -RADIUS; x <= RADIUS; x++) {
                 let neighbor = pixel + vec2(x, y);
-                if any(neighbor < vec2(0)) || any(neighbor > last) {
+                if is_outside(neighbor) {
                     continue;
                 }
                 let other = load_guide(neighbor);
@@ -74,23 +101,20 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
                 let weight = combined_weight(guide_log_weight(guide, other) - screen);
                 let radiance = radiance_unpack(textureLoad(estimates, neighbor, 0).r);
                 sum += weight * radiance;
-                weights += weight;
-#ifdef METHOD_DISTRIBUTION
                 sum_squares += weight * luminance(radiance) * luminance(radiance);
-#else
-                variance_sum += weight * weight * noise_of(neighbor);
-#endif
+                weights += weight;
+                weights_squared += weight * weight;
             }
         }
-        color = sum / max(weights, 1e-20);
+        // The pixel's own weight is 1, so that no sum is 0.
+        color = sum / weights;
 #ifdef METHOD_DISTRIBUTION
-        variance = max(sum_squares / max(weights, 1e-20) - luminance(color) * luminance(color), 0.0);
+        variance = max(sum_squares / weights - luminance(color) * luminance(color), 0.0);
 #else
-        variance = variance_sum / max(weights * weights, 1e-20);
+        let level = max((color.x + color.y + color.z) * (1.0 / 3.0), 1e-6);
+        variance = settled_noise(pixel, guide, level) * weights_squared / (weights * weights);
 #endif
     }
-    textureStore(guide_colors, pixel, vec4(radiance_pack(color, dither(id.xy, denoise.frame * 8u + 7u))));
-    let word = textureLoad(supports, pixel).r;
-    let history = support_unpack(word).history;
-    textureStore(supports, pixel, vec4(support_store(word, Support(history, variance))));
+    let packed = radiance_pack(color, dither(id.xy, denoise.frame * 8u + 7u));
+    textureStore(prefiltered, pixel, vec4(packed, bitcast<u32>(variance), 0u, 0u));
 }

@@ -1,6 +1,6 @@
 //! Any renderer's signals: images on a camera.
 
-use akari_render::signals::MakesSignals;
+use akari_render::signals::{MakesSignals, stop_signals};
 use bevy::prelude::*;
 
 /// How many pixels of the full resolution one texel of a signal stands for.
@@ -41,6 +41,7 @@ impl SignalScale {
 #[derive(Component, Debug, Default, Clone, PartialEq, Reflect)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[require(MakesSignals)]
+#[component(on_remove = stop_signals)]
 pub struct DenoiseInput {
     /// Radiance reflected by the specular lobe, or by all of the surface if there is no `diffuse`.
     pub specular: Option<Handle<Image>>,

@@ -19,7 +19,7 @@
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
-use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
@@ -101,6 +101,7 @@ impl Plugin for DenoisePlugin {
                     )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
+                    demand::collect_counters.in_set(RenderSystems::Cleanup),
                 ),
             )
             .add_systems(
@@ -108,7 +109,6 @@ impl Plugin for DenoisePlugin {
                 (
                     pass::denoise_accumulate.in_set(AkariPassSystems::Accumulate),
                     pass::denoise_filter.in_set(AkariPassSystems::Filter),
-                    pass::denoise_debug.in_set(Core3dSystems::EarlyPostProcess),
                 ),
             );
     }

@@ -5,9 +5,11 @@
 #import akari_math::lobe_weight::{lobe_log_weight_auto, plane_log_weight}
 #import akari_lobes::guides::Guide
 
-// Exponent and inverse smoothing sharpness of the lobes' likeness.
+// Exponent of the lobes' likeness, and the inverse smoothing sharpness: narrow where noise is told from structure, which
+// must not mix what differs, wider where the guide tells it.
 const GUIDED_BETA: f32 = 20.0;
-const GUIDED_INVERSE_KAPPA: f32 = 1e-4;
+const NOISE_INVERSE_KAPPA: f32 = 2e-4;
+const GUIDED_INVERSE_KAPPA: f32 = 1e-3;
 // Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
 const PLANE_TOLERANCE: f32 = 0.005;
 
@@ -17,5 +19,5 @@ fn inverse_plane_scale(guide: Guide) -> f32 {
 
 fn guide_log_weight(i: Guide, j: Guide) -> f32 {
     return plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane_scale(i))
-        + lobe_log_weight_auto(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, GUIDED_BETA, GUIDED_INVERSE_KAPPA);
+        + lobe_log_weight_auto(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, GUIDED_BETA, NOISE_INVERSE_KAPPA);
 }

@@ -2,7 +2,7 @@
 
 #import akari_math::signal_packing::radiance_pack
 #import akari_denoise::signal::{demodulation, load_guide}
-#import akari_denoise::types::{DenoiseView, Support, dither, support_store}
+#import akari_denoise::types::{DenoiseView, dither, frames_store}
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var<storage, read> listed: array<u32>;
@@ -35,7 +35,7 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
     let support = textureLoad(supports, pixel).r;
     // A sample of its own: as good as a frame of history.
-    textureStore(supports, pixel, vec4(support_store(support, Support(1.0, 0.0))));
+    textureStore(supports, pixel, vec4(frames_store(support, 1.0)));
 #ifdef MARK_RESAMPLED
     textureStore(marks, pixel, vec4(denoise.frame));
 #endif

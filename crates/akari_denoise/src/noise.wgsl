@@ -13,6 +13,11 @@
 // Neighbours to each side that are pooled, and the standard deviation of the screen-space Gaussian, pixels.
 const RADIUS: i32 = 4;
 const SIGMA: f32 = 2.0;
+// Correlations at which residuals are all signal, and at which the noise under it is taken from around.
+const ALL_SIGNAL: f32 = 1.0;
+const ALL_HIDDEN: f32 = 0.6;
+// Brightness under which noise is not told relative to it.
+const LEAST_LEVEL: f32 = 1e-6;
 const GROUP: i32 = 8;
 // Pixels of a workgroup with all that they pool.
 const TILE: i32 = 16;
@@ -113,8 +118,10 @@ fn noise_variance(
                 weights += weight;
             }
         }
-        let structure = coherence_share(Coherence(product, norm));
-        packed = noise_pack(energy / max(weights, 1e-20) * (1.0 - structure), structure);
+        let coherence = Coherence(product, norm);
+        let variance = energy / max(weights, 1e-20) * (1.0 - coherence_share(coherence, ALL_SIGNAL));
+        let level = max(bitcast<f32>(textureLoad(residuals, pixel, 0).g), LEAST_LEVEL);
+        packed = noise_pack(variance, sqrt(variance) / level, coherence_share(coherence, ALL_HIDDEN));
     }
     textureStore(noise, pixel, vec4(packed));
 }

@@ -71,27 +71,6 @@ pub fn denoise_filter(
     }
 }
 
-/// Draws a debug view over the finished picture.
-pub fn denoise_debug(
-    view: ViewQuery<View>,
-    cache: Res<PipelineCache>,
-    ledger: Res<GpuLedger>,
-    mut ctx: RenderContext,
-) {
-    let (passes, guides, offset, target, camera) = view.into_inner();
-    let (Some(guide_group), Some(debug)) = (ready(passes, guides, &cache), &passes.debug) else {
-        return;
-    };
-    let frame = Frame {
-        size: passes.size,
-        guides: guide_group,
-        view_offset: offset.offset,
-        target,
-        camera,
-    };
-    frame.run(debug, &cache, &ledger, &mut ctx);
-}
-
 /// The guides' group, once every pipeline of the view is compiled: all of the passes run, or none.
 fn ready<'a>(
     passes: &ViewDenoisePasses,

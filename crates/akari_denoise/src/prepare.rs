@@ -63,8 +63,6 @@ pub struct ViewDenoisePasses {
     pub accumulate: Vec<PreparedPass>,
     /// From their return on.
     pub filter: Vec<PreparedPass>,
-    /// Over the finished picture.
-    pub debug: Option<PreparedPass>,
 }
 
 /// What a view carries from frame to frame.
@@ -233,9 +231,9 @@ const A_TROUS_RADIUS: i32 = 2;
 const A_TROUS_SIGMA: f32 = 1.0;
 
 fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
-    let radius = settings.radius.clamp(1, 16) as i32;
+    let radius = settings.radius.min(16) as i32;
     // The kernel ends at two standard deviations.
-    let sigma = 0.5 * radius as f32;
+    let sigma = 0.5 * radius.max(1) as f32;
     let stage = |index: u32, radius: IVec2, stride: i32, sigma: f32| GpuDenoiseStage {
         radius,
         stride,
@@ -389,14 +387,15 @@ pub fn prepare_denoise_passes(
                 passes.filter.push(planner.merge(*first, list));
             }
         }
-        if let Some(remembered) = &targets.remembered {
-            passes.filter.push(planner.remember(remembered));
-        }
         for signal in &signal_list {
             planner.filter(*signal, &mut passes.filter);
         }
-        if let (Some(debug), Some(first)) = (debug, signal_list.first()) {
-            passes.debug = Some(planner.debug(*first, debug));
+        // While the guide of the last signal is still there.
+        if let (Some(debug), Some(last)) = (debug, signal_list.last()) {
+            passes.filter.push(planner.debug(*last, debug));
+        }
+        if let (true, Some(remembered)) = (targets.shape.history, &targets.remembered) {
+            passes.filter.push(planner.remember(remembered));
         }
         commands.entity(entity).insert(passes);
     }
@@ -464,10 +463,12 @@ impl<'a> Planner<'a> {
         if self.signals.scale > 1 {
             defs.push("UPSAMPLE");
         }
-        if self.settings.method == Method::Normal {
-            defs.push("METHOD_NORMAL");
+        match self.settings.method {
+            Method::Normal => defs.push("METHOD_NORMAL"),
+            Method::Guided => defs.push("METHOD_GUIDED"),
+            _ => {}
         }
-        if let Some(remembered) = &targets.remembered {
+        if let (true, Some(remembered)) = (targets.shape.history, &targets.remembered) {
             defs.push("HISTORY");
             bindings = bindings.uint(4, previous).uint(5, remembered);
             if let Some(motion) = self.motion {
@@ -562,32 +563,36 @@ impl<'a> Planner<'a> {
             // A clamped cosine is round.
             method.retain(|def| *def != "ANISOTROPIC");
         }
-        if let (Method::Guided, Some(noise)) = (self.settings.method, targets.noise()) {
+        // Without a guide, whatever is bound in its place is not read.
+        let workspace = targets.remembered.as_ref().unwrap_or(estimate);
+        if self.settings.method == Method::Guided {
             let bindings = Bindings::new(Pass::Residual.label(), ShaderStages::COMPUTE)
                 .uniform(0, &targets.view)
                 .uint(1, estimate)
-                .write(2, other, WORD_FORMAT);
+                .write(2, workspace, REMEMBERED_FORMAT);
             let defs = self.defs(Some(signal), &[]);
             passes.push(self.compute(Pass::Residual, defs, &bindings));
             let bindings = Bindings::new(Pass::Noise.label(), ShaderStages::COMPUTE)
                 .uniform(0, &targets.view)
-                .uint(1, other)
-                .write(2, noise, WORD_FORMAT);
+                .uint(1, workspace)
+                .write(2, other, WORD_FORMAT);
             let defs = self.defs(Some(signal), &[]);
             passes.push(self.compute(Pass::Noise, defs, &bindings));
         }
         if targets.shape.guide {
-            let noise = targets.noise().unwrap_or(estimate);
             let bindings = Bindings::new(Pass::Guide.label(), ShaderStages::COMPUTE)
                 .uniform(0, &targets.view)
                 .uint(1, estimate)
-                .uint(2, noise)
-                .write(3, other, WORD_FORMAT)
-                .update(4, &targets.supports, WORD_FORMAT);
+                .uint(2, other)
+                .write(3, workspace, REMEMBERED_FORMAT);
             let defs = self.defs(Some(signal), &method);
             passes.push(self.compute(Pass::Guide, defs, &bindings));
         }
-        let guide_colors = if targets.shape.guide { other } else { estimate };
+        let mut intermediates: Vec<&TextureView> = Vec::new();
+        if targets.estimates[signal.index].len() == 2 {
+            intermediates.push(other);
+        }
+        intermediates.extend(&targets.scratch);
         let last = targets.shape.stages - 1;
         let mut source = estimate;
         for (index, stage) in (0..).zip(&targets.stages) {
@@ -606,8 +611,7 @@ impl<'a> Planner<'a> {
                 .uniform(0, &targets.view)
                 .uniform(1, stage)
                 .uint(2, source)
-                .uint(3, &targets.supports)
-                .uint(4, guide_colors);
+                .uint(3, workspace);
             if is_last {
                 let mut defs = method.clone();
                 defs.push("LAST_STAGE");
@@ -615,8 +619,8 @@ impl<'a> Planner<'a> {
                 passes.push(self.draw(pass, signal, defs, &bindings));
                 break;
             }
-            let target = &targets.scratch[index as usize % targets.scratch.len()];
-            bindings = bindings.write(5, target, WORD_FORMAT);
+            let target = intermediates[index as usize % intermediates.len()];
+            bindings = bindings.write(4, target, WORD_FORMAT);
             let defs = self.defs(Some(signal), &method);
             passes.push(self.compute(pass, defs, &bindings));
             source = target;
@@ -653,8 +657,7 @@ impl<'a> Planner<'a> {
 
     fn debug(&mut self, signal: Signal, debug: &ViewDenoiseDebug) -> PreparedPass {
         let targets = self.targets;
-        let (estimate, other) = self.estimates(signal);
-        let guide_colors = if targets.shape.guide { other } else { estimate };
+        let (estimate, _) = self.estimates(signal);
         let mut defs = self.method_defs();
         defs.push(debug.view.shader_def());
         let mut bindings = Bindings::new(Pass::Debug.label(), ShaderStages::FRAGMENT)
@@ -662,11 +665,7 @@ impl<'a> Planner<'a> {
             .uniform(1, &targets.stages[0])
             .uint(2, estimate)
             .uint(3, &targets.supports)
-            .uint(4, guide_colors);
-        if let Some(remembered) = &targets.remembered {
-            defs.push("HISTORY");
-            bindings = bindings.uint(5, remembered);
-        }
+            .uint(4, targets.remembered.as_ref().unwrap_or(estimate));
         if let Some(marks) = &targets.marks {
             defs.push("MARK_RESAMPLED");
             bindings = bindings.uint(6, marks);

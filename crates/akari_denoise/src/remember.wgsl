@@ -1,6 +1,6 @@
 // Keeps of each pixel what the next frame has to compare it with.
 
-#import akari_denoise::types::{DenoiseView, remembered_pack}
+#import akari_denoise::types::{DenoiseView, HISTORY_STEPS, remembered_pack}
 #import akari_lobes::guides::{load_surface_guide, view}
 #import akari_render::gbuffer::rotate_to_view
 
@@ -18,7 +18,9 @@ fn remember(@builtin(global_invocation_id) id: vec3<u32>) {
     var words = vec2(0u);
     if guide.valid {
         let depth = -rotate_to_view(view, guide.position_rel).z;
-        words = remembered_pack(depth, textureLoad(supports, pixel, 0).r, guide.normal_ws, guide.perceptual_roughness);
+        let word = textureLoad(supports, pixel, 0).r;
+        let frames = vec2(f32(word & 0xffffu), f32(word >> 16u)) / HISTORY_STEPS;
+        words = remembered_pack(depth, frames, guide.normal_ws, guide.perceptual_roughness);
     }
     textureStore(remembered, pixel, vec4(words, 0u, 0u));
 }

@@ -1,4 +1,5 @@
-// What of each pixel its neighbours do not foretell: noise, and structure finer than the kernel.
+// What of each pixel its neighbours do not foretell: noise, and structure finer than the kernel; and how bright it is
+// around.
 
 #import akari_math::lobe_weight::combined_weight
 #import akari_math::noise_estimate::{prediction_error_scale, residual_pack}
@@ -9,7 +10,7 @@
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var estimates: texture_2d<u32>;
-@group(1) @binding(2) var residuals: texture_storage_2d<r32uint, write>;
+@group(1) @binding(2) var residuals: texture_storage_2d<rg32uint, write>;
 
 // Neighbours to each side, and the standard deviation of the screen-space Gaussian, pixels.
 const RADIUS: i32 = 2;
@@ -26,6 +27,7 @@ fn residual(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2<i32>(denoise.size) - 1;
     let guide = load_guide(pixel);
     var packed = 0u;
+    var level = 0.0;
     if guide.valid {
         var sum = vec3(0.0);
         var weights = 0.0;
@@ -47,10 +49,12 @@ fn residual(@builtin(global_invocation_id) id: vec3<u32>) {
                 weights_squared += weight * weight;
             }
         }
+        let own = radiance_unpack(textureLoad(estimates, pixel, 0).r);
+        let mean = (sum + own) / (weights + 1.0);
+        level = (mean.x + mean.y + mean.z) * (1.0 / 3.0);
         if weights >= LEAST_WEIGHT {
-            let own = radiance_unpack(textureLoad(estimates, pixel, 0).r);
             packed = residual_pack((own - sum / weights) * prediction_error_scale(weights, weights_squared));
         }
     }
-    textureStore(residuals, pixel, vec4(packed));
+    textureStore(residuals, pixel, vec4(packed, bitcast<u32>(level), 0u, 0u));
 }

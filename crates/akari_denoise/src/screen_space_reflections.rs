@@ -5,7 +5,7 @@
 use crate::EFFECT;
 use crate::bindings::Bindings;
 use akari_render::prelude::*;
-use akari_render::signals::{AkariPassSystems, MakesSignals, ViewSignals};
+use akari_render::signals::{AkariPassSystems, MakesSignals, ViewSignals, stop_signals};
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::schedule::Core3d;
@@ -31,6 +31,7 @@ const SIGNAL_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 #[derive(Component, Debug, Default, Clone, Copy, PartialEq, Reflect)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[require(MakesSignals)]
+#[component(on_remove = stop_signals)]
 pub struct DenoiseScreenSpaceReflections {
     /// Set it in the frame of a camera cut: what came before is forgotten.
     pub reset: bool,

@@ -63,7 +63,8 @@ pub struct Denoise {
     pub method: Method,
     /// Which neighbours are visited.
     pub kernel: Kernel,
-    /// Radius of the full and the separable kernel, pixels. 1 to 16.
+    /// Radius of the full and the separable kernel, pixels. 0 to 16; 0 filters nothing, so that only history and
+    /// upsampling work.
     pub radius: u32,
     /// Levels of the à-trous kernel: its radius is 2^(levels + 1) - 2 pixels. 3 to 6.
     pub levels: u32,
@@ -110,16 +111,16 @@ impl Knobs for Denoise {
             min: 0.0,
             max: 2.0,
             integer: true,
-            presets: [1.0, 2.0, 2.0, 0.0],
+            presets: [2.0, 2.0, 2.0, 0.0],
             cost: "(2 r + 1)² taps; 2 (2 r + 1) taps; 25 taps a level",
         },
         Knob {
             name: "radius",
-            what: "radius of the full and the separable kernel, pixels",
-            min: 1.0,
+            what: "radius of the full and the separable kernel, pixels; 0: no filter",
+            min: 0.0,
             max: 16.0,
             integer: true,
-            presets: [6.0, 10.0, 10.0, 10.0],
+            presets: [6.0, 6.0, 6.0, 6.0],
             cost: "see kernel",
         },
         Knob {
@@ -128,7 +129,7 @@ impl Knobs for Denoise {
             min: 3.0,
             max: 6.0,
             integer: true,
-            presets: [3.0, 3.0, 4.0, 5.0],
+            presets: [3.0, 3.0, 3.0, 3.0],
             cost: "25 taps and one pass a level",
         },
         Knob {

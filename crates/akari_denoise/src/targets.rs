@@ -46,9 +46,9 @@ pub struct DenoiseTargets {
     pub shape: Shape,
     /// Estimates of the specular and of the diffuse signal: this frame's and the previous one's, or one only.
     pub estimates: [Vec<TextureView>; 2],
-    /// Frames of history, later the guide's variance, of both signals.
+    /// Frames of history of both signals.
     pub supports: TextureView,
-    /// What the next frame compares with.
+    /// What the next frame compares with; between the frame's accumulation and its end, room for the guide.
     pub remembered: Option<TextureView>,
     /// Intermediate results of the filter.
     pub scratch: Vec<TextureView>,
@@ -75,11 +75,6 @@ pub struct ListBuffers {
 }
 
 impl DenoiseTargets {
-    /// Where the noise of a signal is kept until its guide is made: the first intermediate.
-    pub fn noise(&self) -> Option<&TextureView> {
-        self.scratch.first()
-    }
-
     /// Makes them, and enters them into the ledger under the view's entity.
     pub fn new(
         shape: Shape,
@@ -118,12 +113,14 @@ impl DenoiseTargets {
         });
         held[1] = 4 * pixels;
         let supports = texture("akari_denoise_supports", WORD_FORMAT);
-        let remembered = shape.history.then(|| {
+        let remembered = (shape.history || shape.guide).then(|| {
             held[2] = 8 * pixels;
             texture("akari_denoise_remembered", REMEMBERED_FORMAT)
         });
-        // Two are enough to go to and fro; a guide's noise needs one before the first stage does.
-        let intermediates = (shape.stages - 1).min(2).max(u32::from(shape.guide));
+        // Two are enough to go to and fro; the second estimate, if there is one, is the first of them.
+        let intermediates = (shape.stages - 1)
+            .min(2)
+            .saturating_sub(u32::from(slots == 2));
         let scratch: Vec<TextureView> = (0..intermediates)
             .map(|_| {
                 held[3] += 4 * pixels;

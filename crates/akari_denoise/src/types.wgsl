@@ -4,7 +4,7 @@
 
 #import akari_math::lobe_packing::{half_pack, half_unpack}
 #import akari_math::octahedral::{octahedral_decode, octahedral_encode}
-#import akari_math::signal_packing::{log_variance_pack, log_variance_unpack}
+#import akari_math::noise_estimate::{relative_noise_log, relative_noise_pack}
 
 struct DenoiseView {
     previous_clip_from_relative: mat4x4<f32>,
@@ -35,42 +35,34 @@ struct DenoiseStage {
     cursor: vec2<f32>,
 }
 
-// How much an estimate rests on, two bytes of a word: the low half for the specular signal, the high one for the
-// diffuse signal.
-struct Support {
-    // Frames' worth of samples, in quarters up to 63.75.
-    history: f32,
-    // Variance of the guide's channels, mean over them; known from the guide's pass on.
-    variance: f32,
-}
+// How many frames an estimate rests on: a half of a word each, the low one for the specular signal, the high one for
+// the diffuse signal, in 256ths of a frame.
+const HISTORY_STEPS: f32 = 256.0;
+const MOST_FRAMES: f32 = 255.0;
 
-const HISTORY_STEPS: f32 = 4.0;
-
-fn history_pack(history: f32) -> u32 {
-    return u32(clamp(history * HISTORY_STEPS + 0.5, 0.0, 255.0));
-}
-
-fn history_unpack(bits: u32) -> f32 {
-    return f32(bits & 0xffu) / HISTORY_STEPS;
-}
-
-fn support_unpack(word: u32) -> Support {
+fn frames_unpack(word: u32) -> f32 {
 #ifdef DIFFUSE_SIGNAL
-    let bits = word >> 16u;
+    return f32(word >> 16u) / HISTORY_STEPS;
 #else
-    let bits = word & 0xffffu;
+    return f32(word & 0xffffu) / HISTORY_STEPS;
 #endif
-    return Support(history_unpack(bits), log_variance_unpack(bits >> 8u));
 }
 
 // `word` with the half of this pass's signal replaced.
-fn support_store(word: u32, support: Support) -> u32 {
-    let bits = history_pack(support.history) | (log_variance_pack(support.variance) << 8u);
+fn frames_store(word: u32, frames: f32) -> u32 {
+    let bits = u32(clamp(frames, 0.0, MOST_FRAMES) * HISTORY_STEPS + 0.5);
 #ifdef DIFFUSE_SIGNAL
     return (word & 0xffffu) | (bits << 16u);
 #else
     return (word & 0xffff0000u) | bits;
 #endif
+}
+
+// The same in 8 bits: quarters of a frame, up to 63.75.
+const REMEMBERED_STEPS: f32 = 4.0;
+
+fn remembered_frames(frames: f32) -> u32 {
+    return u32(clamp(frames * REMEMBERED_STEPS + 0.5, 0.0, 255.0));
 }
 
 // What the next frame compares a pixel with: 64 bits.
@@ -88,11 +80,10 @@ const NORMAL_STEPS: f32 = 4095.0;
 const ROUGHNESS_STEPS: f32 = 255.0;
 
 // Low word: depth as f16, frames of the specular and of the diffuse signal. High word: normal in 24 bits, roughness in 8.
-fn remembered_pack(depth: f32, support: u32, normal_ws: vec3<f32>, perceptual_roughness: f32) -> vec2<u32> {
+fn remembered_pack(depth: f32, frames: vec2<f32>, normal_ws: vec3<f32>, perceptual_roughness: f32) -> vec2<u32> {
     let square = vec2<u32>((octahedral_encode(normal_ws) * 0.5 + 0.5) * NORMAL_STEPS + 0.5);
-    let frames = ((support & 0xffu) << 16u) | ((support & 0xff0000u) << 8u);
     return vec2(
-        half_pack(depth) | frames,
+        half_pack(depth) | (remembered_frames(frames.x) << 16u) | (remembered_frames(frames.y) << 24u),
         square.x | (square.y << 12u) | (u32(saturate(perceptual_roughness) * ROUGHNESS_STEPS + 0.5) << 24u),
     );
 }
@@ -102,29 +93,37 @@ fn remembered_unpack(words: vec2<u32>) -> Remembered {
 #ifdef DIFFUSE_SIGNAL
     let frames = words.x >> 24u;
 #else
-    let frames = words.x >> 16u;
+    let frames = (words.x >> 16u) & 0xffu;
 #endif
     return Remembered(
         half_unpack(words.x & 0xffffu),
-        history_unpack(frames),
+        f32(frames) / REMEMBERED_STEPS,
         octahedral_decode(square),
         f32(words.y >> 24u) / ROUGHNESS_STEPS,
     );
 }
 
-// Noise of a pixel: variance of a channel, and how much of what surrounds it is structure instead.
+// Noise of a pixel: variance of a channel; that of the neighbours counts instead by so much; logarithm to base 2 of
+// the standard deviation over the signal.
 struct Noise {
     variance: f32,
-    structure: f32,
+    hidden: f32,
+    log_relative: f32,
+    known: bool,
 }
 
-// The upper 24 bits of the variance as f32, and the share of structure in 8 bits.
-fn noise_pack(variance: f32, structure: f32) -> u32 {
-    return (bitcast<u32>(variance) & 0xffffff00u) | u32(saturate(structure) * 255.0 + 0.5);
+// The upper 16 bits of the variance as f32, relative noise and hidden share in 8 bits each.
+fn noise_pack(variance: f32, relative: f32, hidden: f32) -> u32 {
+    return (bitcast<u32>(variance) & 0xffff0000u) | (relative_noise_pack(relative) << 8u) | u32(saturate(hidden) * 255.0 + 0.5);
 }
 
 fn noise_unpack(word: u32) -> Noise {
-    return Noise(bitcast<f32>(word & 0xffffff00u), f32(word & 0xffu) / 255.0);
+    return Noise(
+        bitcast<f32>(word & 0xffff0000u),
+        f32(word & 0xffu) / 255.0,
+        relative_noise_log(word >> 8u),
+        (word & 0xff00u) != 0u,
+    );
 }
 
 fn luminance(color: vec3<f32>) -> f32 {

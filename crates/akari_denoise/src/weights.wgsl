@@ -9,7 +9,7 @@
 #import akari_math::noise_estimate::guided_log_weight
 #import akari_math::signal_packing::radiance_unpack
 #import akari_denoise::likeness::{GUIDED_BETA, GUIDED_INVERSE_KAPPA, inverse_plane_scale}
-#import akari_denoise::types::{DenoiseStage, DenoiseView, luminance, support_unpack}
+#import akari_denoise::types::{DenoiseStage, DenoiseView, luminance}
 #import akari_lobes::guides::{Guide, anisotropic_lobe}
 
 // Of the method by mean and variance: variance of the kernel that the distributions of luminance are smoothed by,
@@ -23,12 +23,9 @@ struct Center {
     variance: f32,
 }
 
-fn center_of(pixel: vec2<i32>, guide: Guide, guide_colors: texture_2d<u32>, supports: texture_2d<u32>) -> Center {
-    return Center(
-        guide,
-        radiance_unpack(textureLoad(guide_colors, pixel, 0).r),
-        support_unpack(textureLoad(supports, pixel, 0).r).variance,
-    );
+fn center_of(pixel: vec2<i32>, guide: Guide, prefiltered: texture_2d<u32>) -> Center {
+    let words = textureLoad(prefiltered, pixel, 0);
+    return Center(guide, radiance_unpack(words.r), bitcast<f32>(words.g));
 }
 
 // Log weight of the neighbour, a valid surface, at a distance in pixels.
@@ -39,8 +36,7 @@ fn stage_log_weight(
     offset: vec2<f32>,
     denoise: DenoiseView,
     stage: DenoiseStage,
-    guide_colors: texture_2d<u32>,
-    supports: texture_2d<u32>,
+    prefiltered: texture_2d<u32>,
 ) -> f32 {
     let guide = center.guide;
     let distance_squared = dot(offset, offset);
@@ -76,13 +72,15 @@ fn stage_log_weight(
 #endif
 #endif
 #ifdef METHOD_GUIDED
-    let other_color = radiance_unpack(textureLoad(guide_colors, neighbor, 0).r);
-    let other_variance = support_unpack(textureLoad(supports, neighbor, 0).r).variance;
+    let words = textureLoad(prefiltered, neighbor, 0);
+    let other_color = radiance_unpack(words.r);
+    let other_variance = bitcast<f32>(words.g);
     log_weight += guided_log_weight(center.guide_color, center.variance, other_color, other_variance);
 #endif
 #ifdef METHOD_DISTRIBUTION
-    let other_mean = luminance(radiance_unpack(textureLoad(guide_colors, neighbor, 0).r));
-    let other_variance = support_unpack(textureLoad(supports, neighbor, 0).r).variance;
+    let words = textureLoad(prefiltered, neighbor, 0);
+    let other_mean = luminance(radiance_unpack(words.r));
+    let other_variance = bitcast<f32>(words.g);
     let mean = luminance(center.guide_color);
     let smoothing = DISTRIBUTION_SMOOTHING * (mean * mean + other_mean * other_mean);
     log_weight += distribution_log_weight(mean, center.variance, other_mean, other_variance, denoise.beta, smoothing);

@@ -19,17 +19,23 @@ const MANTISSA_BIAS: f32 = 256.0;
 const MIN_EXPONENT: f32 = -15.0;
 const MAX_EXPONENT_CODE: f32 = 31.0;
 /// Correlation of the residuals of white noise with axial neighbours: each is foretold by means that share pixels.
-const WHITE_AXIAL: f32 = -0.18;
+const WHITE_AXIAL: f32 = -0.175;
 /// The same with diagonal neighbours.
-const WHITE_DIAGONAL: f32 = -0.09;
+const WHITE_DIAGONAL: f32 = -0.092;
 /// Correlation above that of white noise from which on there is structure.
 const COHERENCE_START: f32 = 0.3;
-/// Correlation over which it becomes all structure.
-const COHERENCE_RANGE: f32 = 0.35;
 /// Square of the standard deviations of noise by which two guides may differ.
 const GUIDE_STRENGTH_SQUARED: f32 = 4.0;
 /// Floor of the variance of a difference of guides.
-const MIN_GUIDE_VARIANCE: f32 = 1e-8;
+const MIN_GUIDE_VARIANCE: f32 = 4e-8;
+/// Most that the relative noise of a pixel may be of that around it.
+const NOISE_CAP: f32 = 1.5;
+/// Relative noise from which on it may be more: the cap grows with its cube.
+const NOISE_CAP_KNEE: f32 = 0.12;
+/// Relative noise in 8 bits: its logarithm to base 2 from −10 to 3.3.
+const MIN_LOG_NOISE: f32 = -10.0;
+const LOG_NOISE_RANGE: f32 = 13.3;
+const LOG_NOISE_STEPS: f32 = 254.0;
 
 /// Residuals around a pixel and those next to them, pooled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,17 +85,42 @@ pub fn residual_unpack(bits: u32) -> Vec3 {
     (m - Vec3::splat(MANTISSA_BIAS)) * scale
 }
 
-/// Share of structure in residuals, from 0 (all noise) to 1 (none).
+/// Share of structure in residuals, from 0 (all noise) to 1 (none); 1 at the correlation `all_structure` (above 0.3)
+/// beyond that of white noise.
 #[must_use]
-pub fn coherence_share(coherence: Coherence) -> f32 {
+pub fn coherence_share(coherence: Coherence, all_structure: f32) -> f32 {
     let rho = coherence.products / coherence.norms.max(Vec4::splat(TINY))
         - Vec4::new(WHITE_AXIAL, WHITE_AXIAL, WHITE_DIAGONAL, WHITE_DIAGONAL);
     let most = rho.x.max(rho.y).max(rho.z.max(rho.w));
-    ((most - COHERENCE_START) / COHERENCE_RANGE).clamp(0.0, 1.0)
+    ((most - COHERENCE_START) / (all_structure - COHERENCE_START)).clamp(0.0, 1.0)
+}
+
+/// Largest relative noise (standard deviation over the signal) of a pixel around which it has the geometric mean
+/// `wide`: where there is little noise all around, a spike is a highlight.
+#[must_use]
+pub fn noise_cap(wide: f32) -> f32 {
+    let excess = (wide / NOISE_CAP_KNEE).max(1.0);
+    NOISE_CAP * wide * excess * excess
+}
+
+/// Standard deviation over the signal in 8 bits, 0 exactly; 3.7 % a step from 2⁻¹⁰ to 2^3.3, held to that range.
+#[must_use]
+pub fn relative_noise_pack(x: f32) -> u32 {
+    if x < 1e-6 {
+        return 0;
+    }
+    let t = ((x.log2() - MIN_LOG_NOISE) / LOG_NOISE_RANGE).clamp(0.0, 1.0);
+    1 + (t * LOG_NOISE_STEPS + 0.5).floor() as u32
+}
+
+/// Logarithm to base 2 of the number of [`relative_noise_pack`]; that of 0 counts as the smallest.
+#[must_use]
+pub fn relative_noise_log(bits: u32) -> f32 {
+    ((bits & 0xff).max(1) - 1) as f32 * (LOG_NOISE_RANGE / LOG_NOISE_STEPS) + MIN_LOG_NOISE
 }
 
 /// Log weight of two pixels of a prefiltered image (radiance, any unit) whose noise has these variances per channel:
-/// −½ mean((gᵢ − gⱼ)²) / (k² (Vᵢ + Vⱼ) + ε), k = 2.
+/// −½ mean((gᵢ − gⱼ)²) / (k² (Vᵢ + Vⱼ + ε)), k = 2, ε = 10⁻⁸.
 #[must_use]
 pub fn guided_log_weight(guide_i: Vec3, variance_i: f32, guide_j: Vec3, variance_j: f32) -> f32 {
     let difference = guide_i - guide_j;

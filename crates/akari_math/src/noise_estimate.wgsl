@@ -10,15 +10,21 @@ const MANTISSA_BIAS: f32 = 256.0;
 const MIN_EXPONENT: f32 = -15.0;
 const MAX_EXPONENT_CODE: f32 = 31.0;
 // Correlation of the residuals of white noise: with axial and with diagonal neighbours.
-const WHITE_AXIAL: f32 = -0.18;
-const WHITE_DIAGONAL: f32 = -0.09;
-// Correlation above that of white noise from which on there is structure, and over which it becomes all structure.
+const WHITE_AXIAL: f32 = -0.175;
+const WHITE_DIAGONAL: f32 = -0.092;
+// Correlation above that of white noise from which on there is structure.
 const COHERENCE_START: f32 = 0.3;
-const COHERENCE_RANGE: f32 = 0.35;
 // Standard deviations of noise by which two guides may differ.
 const GUIDE_STRENGTH_SQUARED: f32 = 4.0;
 // Floor of the variance of a difference of guides.
-const MIN_GUIDE_VARIANCE: f32 = 1e-8;
+const MIN_GUIDE_VARIANCE: f32 = 4e-8;
+// Most that the relative noise of a pixel may be of that around it; from which relative noise on it may be more.
+const NOISE_CAP: f32 = 1.5;
+const NOISE_CAP_KNEE: f32 = 0.12;
+// Relative noise in 8 bits: its logarithm to base 2 from -10 to 3.3.
+const MIN_LOG_NOISE: f32 = -10.0;
+const LOG_NOISE_RANGE: f32 = 13.3;
+const LOG_NOISE_STEPS: f32 = 254.0;
 
 // Products of residuals with their neighbours right, below, below right, below left, and what these would be if the
 // residuals were the same.
@@ -53,12 +59,32 @@ fn residual_unpack(bits: u32) -> vec3<f32> {
     return (m - vec3<f32>(MANTISSA_BIAS)) * scale;
 }
 
-// Share of structure in residuals, from 0 to 1.
-fn coherence_share(coherence: Coherence) -> f32 {
+// Share of structure in residuals, from 0 to 1; 1 at the correlation `all_structure` above that of white noise.
+fn coherence_share(coherence: Coherence, all_structure: f32) -> f32 {
     let rho = coherence.products / max(coherence.norms, vec4<f32>(TINY))
         - vec4<f32>(WHITE_AXIAL, WHITE_AXIAL, WHITE_DIAGONAL, WHITE_DIAGONAL);
     let most = max(max(rho.x, rho.y), max(rho.z, rho.w));
-    return saturate((most - COHERENCE_START) / COHERENCE_RANGE);
+    return saturate((most - COHERENCE_START) / (all_structure - COHERENCE_START));
+}
+
+// Largest relative noise of a pixel around which it has the geometric mean `wide`.
+fn noise_cap(wide: f32) -> f32 {
+    let excess = max(1.0, wide / NOISE_CAP_KNEE);
+    return NOISE_CAP * wide * excess * excess;
+}
+
+// Standard deviation over the signal in 8 bits, 0 exactly.
+fn relative_noise_pack(x: f32) -> u32 {
+    if x < 1e-6 {
+        return 0u;
+    }
+    let t = saturate((log2(x) - MIN_LOG_NOISE) / LOG_NOISE_RANGE);
+    return 1u + u32(floor(t * LOG_NOISE_STEPS + 0.5));
+}
+
+// Logarithm to base 2 of the number; that of 0 counts as the smallest.
+fn relative_noise_log(bits: u32) -> f32 {
+    return f32(max(bits & 0xffu, 1u) - 1u) * (LOG_NOISE_RANGE / LOG_NOISE_STEPS) + MIN_LOG_NOISE;
 }
 
 // Log weight of two pixels by a prefiltered image whose noise has these variances.

@@ -1,6 +1,7 @@
 //! Passes run and GPU bytes held, by effect.
 
 use bevy::prelude::*;
+use bevy::render::Extract;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -11,6 +12,17 @@ use std::sync::{Arc, Mutex, MutexGuard};
 /// `RenderDiagnosticsPlugin`, whose spans have the names of the passes.
 #[derive(Resource, Default, Clone)]
 pub struct GpuLedger(Arc<Mutex<Entries>>);
+
+/// Set it to have effects read their counts back from the GPU into [`GpuLedger::counters`], a frame or two late.
+#[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct CollectCounters(pub bool);
+
+pub(crate) fn extract_collect_counters(
+    mut target: ResMut<CollectCounters>,
+    source: Extract<Res<CollectCounters>>,
+) {
+    target.set_if_neq(**source);
+}
 
 #[derive(Default)]
 struct Entries {

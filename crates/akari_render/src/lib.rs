@@ -16,6 +16,7 @@
 
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
+use bevy::render::ExtractSchedule;
 
 pub mod camera;
 pub mod capture;
@@ -68,12 +69,16 @@ impl Plugin for AkariRenderPlugin {
         // The passes light what the deferred prepass draws.
         app.insert_resource(DefaultOpaqueRendererMethod::deferred());
         let ledger = ledger::GpuLedger::default();
-        app.insert_resource(ledger.clone());
+        app.insert_resource(ledger.clone())
+            .init_resource::<ledger::CollectCounters>();
         shaders::register_math_shaders(app);
         capture::build(app);
         signals::build(app);
         if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
-            render_app.insert_resource(ledger);
+            render_app
+                .insert_resource(ledger)
+                .init_resource::<ledger::CollectCounters>()
+                .add_systems(ExtractSchedule, ledger::extract_collect_counters);
         }
     }
 

@@ -7,6 +7,8 @@
 use crate::guides::NeedsGuides;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
@@ -32,11 +34,20 @@ pub enum AkariPassSystems {
     Filter,
 }
 
-/// On a camera: one of its effects makes noisy signals, as [`ViewSignals`] in the render world. Effects require it.
+/// On a camera: one of its effects makes noisy signals, as [`ViewSignals`] in the render world. The effect's component
+/// requires it, and takes it away by [`stop_signals`].
 #[derive(Component, Debug, Default, Clone, Copy, Reflect)]
 #[reflect(Component, Default, Debug, Clone)]
 #[require(NeedsGuides)]
 pub struct MakesSignals;
+
+/// What a producer's component does when it is removed (`#[component(on_remove = stop_signals)]`): the camera has one
+/// producer, so that nobody needs signals and guides any more.
+pub fn stop_signals(mut world: DeferredWorld, context: HookContext) {
+    if let Ok(mut camera) = world.commands().get_entity(context.entity) {
+        camera.try_remove::<(MakesSignals, NeedsGuides)>();
+    }
+}
 
 /// Noisy signals of one view: radiance in the unit of the view target, that is pre-exposed for the composite.
 ///

@@ -69,7 +69,6 @@ impl BufferDenoiser {
         transform: Transform,
         settings: Denoise,
     ) -> Result<Self, HeadlessError> {
-        crate::resample::build(&mut headless.app);
         let camera = headless.spawn_camera(size, projection, transform)?;
         let world = headless.app.world_mut();
         let mut images = world.resource_mut::<Assets<Image>>();

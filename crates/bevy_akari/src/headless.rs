@@ -233,7 +233,11 @@ impl Headless {
         #[cfg(feature = "window")]
         let plugins = plugins.disable::<bevy::winit::WinitPlugin>();
         app.add_plugins(plugins)
-            .add_plugins((RenderDiagnosticsPlugin, crate::AkariPlugins))
+            .add_plugins((
+                RenderDiagnosticsPlugin,
+                crate::AkariPlugins,
+                crate::resample::ResampleFromImagePlugin,
+            ))
             .insert_resource(ClearColor(Color::BLACK))
             .insert_resource(GlobalAmbientLight::NONE);
         while app.plugins_state() == PluginsState::Adding {

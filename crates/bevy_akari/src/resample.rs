@@ -24,13 +24,18 @@ pub struct ResampleFromImage(pub Handle<Image>);
 #[derive(Resource, Default)]
 struct Pipeline(Option<CachedComputePipelineId>);
 
-pub(crate) fn build(app: &mut App) {
-    embedded_asset!(app, "resample.wgsl");
-    app.add_plugins(ExtractComponentPlugin::<ResampleFromImage>::default());
-    if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
-        render_app
-            .init_resource::<Pipeline>()
-            .add_systems(Core3d, resample.in_set(AkariPassSystems::Resample));
+/// Serves the cameras with [`ResampleFromImage`]; part of every headless app.
+pub struct ResampleFromImagePlugin;
+
+impl Plugin for ResampleFromImagePlugin {
+    fn build(&self, app: &mut App) {
+        embedded_asset!(app, "resample.wgsl");
+        app.add_plugins(ExtractComponentPlugin::<ResampleFromImage>::default());
+        if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
+            render_app
+                .init_resource::<Pipeline>()
+                .add_systems(Core3d, resample.in_set(AkariPassSystems::Resample));
+        }
     }
 }
 

@@ -5,9 +5,9 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::light::RectLight;
 use bevy::material::OpaqueRendererMethod;
 use bevy::prelude::*;
-use bevy_akari::area_light::demand::CollectCounters;
 use bevy_akari::headless::Headless;
 use bevy_akari::prelude::*;
+use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari_tests::*;
 
 fn lit_scene(name: &str, material: StandardMaterial) -> Option<(Headless, Entity)> {

@@ -3,8 +3,8 @@
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, vec3};
 use akari_math::lobe_weight::combined_weight;
 use akari_math::noise_estimate::{
-    Coherence, coherence_share, guided_log_weight, prediction_error_scale, residual_pack,
-    residual_unpack,
+    Coherence, coherence_share, guided_log_weight, noise_cap, prediction_error_scale,
+    relative_noise_log, relative_noise_pack, residual_pack, residual_unpack,
 };
 use glam::{Vec3, Vec4};
 
@@ -30,34 +30,47 @@ pub fn cases() -> Vec<Case> {
                 "prediction_error_scale",
                 "guided_log_weight",
                 "coherence_share",
+                "noise_cap",
+                "relative_noise_log",
             ],
             imports: "#import akari_math::noise_estimate::Coherence
                 #import akari_math::lobe_weight::combined_weight",
             body: "y(0u, prediction_error_scale(x(0u), x(1u)));
                 y(1u, combined_weight(guided_log_weight(x_vec3(2u), x(5u), x_vec3(6u), x(9u))));
-                y(2u, coherence_share(Coherence(x_vec4(10u), x_vec4(14u))));",
+                y(2u, coherence_share(Coherence(x_vec4(10u), x_vec4(14u)), 0.65));
+                y(3u, noise_cap(min(abs(x(10u)), 0.2)));
+                y(4u, relative_noise_log(u32(abs(x(0u)) * 8.0)));",
             inputs: 18,
-            outputs: 3,
+            outputs: 5,
             twin: |x, y| {
                 let log = guided_log_weight(vec3(x, 2), x[5], vec3(x, 6), x[9]);
                 y.extend([
                     prediction_error_scale(x[0], x[1]),
                     combined_weight(log),
-                    coherence_share(Coherence {
-                        products: vec4(x, 10),
-                        norms: vec4(x, 14),
-                    }),
+                    coherence_share(
+                        Coherence {
+                            products: vec4(x, 10),
+                            norms: vec4(x, 14),
+                        },
+                        0.65,
+                    ),
+                    noise_cap(x[10].abs().min(0.2)),
+                    relative_noise_log((x[0].abs() * 8.0) as u32),
                 ]);
             },
             oracle: Some(|x, y| {
                 y.push((1.0 + x[1] / (x[0] * x[0]).max(1e-30)).powf(-0.5));
                 let squares: f64 = (0..3).map(|c| (x[2 + c] - x[6 + c]).powi(2)).sum();
-                let variance = 4.0 * (x[5] + x[9]) + 1e-8;
+                let variance = 4.0 * (x[5] + x[9]) + 4e-8;
                 y.push((-0.5 * (squares / 3.0).min(1e18) / variance).exp());
                 let most = (0..4)
-                    .map(|k| x[10 + k] / x[14 + k].max(1e-30) + if k < 2 { 0.18 } else { 0.09 })
+                    .map(|k| x[10 + k] / x[14 + k].max(1e-30) + if k < 2 { 0.175 } else { 0.092 })
                     .fold(f64::NEG_INFINITY, f64::max);
                 y.push(((most - 0.3) / 0.35).clamp(0.0, 1.0));
+                let wide = x[10].abs().min(0.2);
+                y.push(1.5 * wide * (wide / 0.12).max(1.0).powi(2));
+                let code = ((x[0].abs() * 8.0) as u32 & 0xff).max(1) - 1;
+                y.push(f64::from(code) * 13.3 / 254.0 - 10.0);
             }),
             domains: vec![
                 domain(
@@ -99,14 +112,44 @@ pub fn cases() -> Vec<Case> {
                     "GUIDE_STRENGTH_SQUARED: f32 = 4.001",
                 ),
                 mutation(
-                    "WHITE_DIAGONAL: f32 = -0.09",
-                    "WHITE_DIAGONAL: f32 = -0.0901",
+                    "WHITE_DIAGONAL: f32 = -0.092",
+                    "WHITE_DIAGONAL: f32 = -0.0921",
                 ),
                 mutation(
-                    "MIN_GUIDE_VARIANCE: f32 = 1e-8",
-                    "MIN_GUIDE_VARIANCE: f32 = 2e-8",
+                    "MIN_GUIDE_VARIANCE: f32 = 4e-8",
+                    "MIN_GUIDE_VARIANCE: f32 = 8e-8",
                 ),
             ],
+        },
+        Case {
+            module: MODULE,
+            functions: &["relative_noise_pack"],
+            imports: "",
+            // The code, which may be one apart where the logarithm is half a step from both.
+            body: "y(0u, f32(relative_noise_pack(x(0u))));",
+            inputs: 1,
+            outputs: 1,
+            twin: |x, y| y.push(relative_noise_pack(x[0]) as f32),
+            oracle: Some(|x, y| {
+                let t = ((x[0].max(1e-30).log2() + 10.0) / 13.3).clamp(0.0, 1.0);
+                y.push(if x[0] < 1e-6 {
+                    0.0
+                } else {
+                    1.0 + (t * 254.0 + 0.5).floor()
+                });
+            }),
+            domains: vec![domain(
+                "noise",
+                rows(272, 1000, |random, row| {
+                    row.push(random.log_range(-8.0, 4.0))
+                }),
+                absolute(1.0),
+                absolute(1.0),
+            )],
+            mutations: vec![mutation(
+                "LOG_NOISE_RANGE: f32 = 13.3",
+                "LOG_NOISE_RANGE: f32 = 12.0",
+            )],
         },
         Case {
             module: MODULE,
@@ -192,16 +235,21 @@ fn noise_is_told_from_structure() {
         assert!((scale * scale * (1.0 + 1.0 / n) - 1.0).abs() < 1e-6);
     }
     let share = |axial: f32, diagonal: f32| {
-        coherence_share(Coherence {
+        let coherence = Coherence {
             products: Vec4::new(axial, 0.0, diagonal, 0.0),
             norms: Vec4::ONE,
-        })
+        };
+        coherence_share(coherence, 0.65)
     };
     assert_eq!(
-        (share(-0.18, -0.09), share(1.0, 0.0), share(0.0, 1.0)),
+        (share(-0.175, -0.092), share(1.0, 0.0), share(0.0, 1.0)),
         (0.0, 1.0, 1.0)
     );
     assert!(share(0.3, 0.0) > 0.4 && share(0.3, 0.0) < 0.6);
+    // A clean surrounding allows no noise to speak of, a noisy one any.
+    assert!(noise_cap(0.01) < 0.02 && noise_cap(1.0) > 50.0);
+    let logarithm = relative_noise_log(relative_noise_pack(0.25));
+    assert!((logarithm + 2.0).abs() < 0.03, "{logarithm}");
     let weight = |d: f32, v_i: f32, v_j: f32| {
         combined_weight(guided_log_weight(Vec3::ONE, v_i, Vec3::splat(1.0 + d), v_j))
     };

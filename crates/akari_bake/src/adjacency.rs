@@ -40,7 +40,8 @@ impl Adjacency {
 
     /// Corners at a vertex.
     pub(crate) fn corners(&self, vertex: u32) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let range = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
+        let range =
+            self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
         self.corners[range]
             .iter()
             .map(|&c| (c as usize / 3, c as usize % 3))

@@ -174,8 +174,8 @@ pub(crate) fn half_line(slope: f64, constant: f64, window: Window, x0: u32, x1: 
         return if constant >= 0.0 { all } else { 0 };
     }
     // column(x) = (2 (x0 + x) + 1)/size − 1.
-    let crossing = 0.5 * ((1.0 - constant / slope) * f64::from(window.size) - 1.0)
-        - f64::from(window.x0);
+    let crossing =
+        0.5 * ((1.0 - constant / slope) * f64::from(window.size) - 1.0) - f64::from(window.x0);
     let mut x = crossing.clamp(f64::from(x0), f64::from(x1 + 1)) as u32;
     // `x` becomes the first column beyond the crossing.
     let rising = slope > 0.0;
@@ -323,7 +323,14 @@ pub(crate) fn cover<const F: usize>(
         }
         let node = match entry.child.get() {
             Ok(triangle) => {
-                draw::<F>(&bvh.triangles[triangle], origin, window, entry, accept, open);
+                draw::<F>(
+                    &bvh.triangles[triangle],
+                    origin,
+                    window,
+                    entry,
+                    accept,
+                    open,
+                );
                 continue;
             }
             Err(node) => &bvh.nodes[node],
@@ -433,9 +440,7 @@ pub(crate) fn counts(
     accept: &impl Accept,
 ) -> bool {
     let (t, u, v) = projected.hit(a, b);
-    t > origin.tmin
-        && t < origin.tmax
-        && triangle.cut().is_none_or(|cut| accept.accept(cut, u, v))
+    t > origin.tmin && t < origin.tmax && triangle.cut().is_none_or(|cut| accept.accept(cut, u, v))
 }
 
 #[cfg(test)]

@@ -44,8 +44,20 @@ impl Basis {
         lo: [T; 3],
         hi: [T; 3],
     ) -> ([T; 3], [T; 3]) {
-        let low = self.0.map(|a| if a.negative { -hi[a.index] } else { lo[a.index] });
-        let high = self.0.map(|a| if a.negative { -lo[a.index] } else { hi[a.index] });
+        let low = self.0.map(|a| {
+            if a.negative {
+                -hi[a.index]
+            } else {
+                lo[a.index]
+            }
+        });
+        let high = self.0.map(|a| {
+            if a.negative {
+                -lo[a.index]
+            } else {
+                hi[a.index]
+            }
+        });
         (low, high)
     }
 

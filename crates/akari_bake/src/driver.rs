@@ -204,7 +204,8 @@ fn bake_here(
 fn damaged(output: &Path) -> Error {
     Error::Journal {
         path: crate::journal_path(output),
-        problem: "holds other units than this bake; remove it and run the same command again".into(),
+        problem: "holds other units than this bake; remove it and run the same command again"
+            .into(),
     }
 }
 

@@ -55,10 +55,11 @@ impl Enclosure {
         let groups = points
             .chunks(GROUP)
             .map(|chunk| {
-                chunk.iter().fold(
-                    (Vec3::INFINITY, Vec3::NEG_INFINITY),
-                    |(min, max), &p| (min.min(p), max.max(p)),
-                )
+                chunk
+                    .iter()
+                    .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| {
+                        (min.min(p), max.max(p))
+                    })
             })
             .collect();
         Self {

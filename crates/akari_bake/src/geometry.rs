@@ -413,7 +413,10 @@ fn check(sources: &[Source<'_>], light_points: &[DVec3]) -> Result<(DVec3, f64),
             for &i in corners {
                 let Some(p) = source.positions.get(i as usize) else {
                     return refuse(
-                        format!("triangle {k} names vertex {i} of {}", source.positions.len()),
+                        format!(
+                            "triangle {k} names vertex {i} of {}",
+                            source.positions.len()
+                        ),
                         "export the mesh again",
                     );
                 };
@@ -500,7 +503,13 @@ fn hash_source(hasher: &mut SourceHasher, source: &Source<'_>, scene: Option<&Sc
             .flat_map(|uv| uv.to_array()),
     );
     floats(&mut texture.transform.to_cols_array().into_iter());
-    hasher.field(format!("{:?} {:?} {:?}", texture.wrap_u, texture.wrap_v, texture.filter).as_bytes());
+    hasher.field(
+        format!(
+            "{:?} {:?} {:?}",
+            texture.wrap_u, texture.wrap_v, texture.filter
+        )
+        .as_bytes(),
+    );
     let image = &scene.images[texture.image];
     hasher.field(&image.width.to_le_bytes());
     let alpha: Vec<u8> = match &image.pixels {

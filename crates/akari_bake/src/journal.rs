@@ -73,7 +73,10 @@ fn header(identity: &Identity, shard: Shard, triangles: u32) -> [u8; HEADER] {
     bytes[..16].copy_from_slice(MAGIC);
     bytes[16..48].copy_from_slice(&identity.source.0);
     bytes[48..80].copy_from_slice(&identity.settings.0);
-    for (k, number) in [shard.index, shard.count, triangles, 0].into_iter().enumerate() {
+    for (k, number) in [shard.index, shard.count, triangles, 0]
+        .into_iter()
+        .enumerate()
+    {
         bytes[80 + 4 * k..84 + 4 * k].copy_from_slice(&number.to_le_bytes());
     }
     bytes
@@ -101,7 +104,9 @@ impl Journal {
         let path = journal_path(output);
         let problem = |what: &str, e: &dyn std::fmt::Display| Error::Journal {
             path: path.clone(),
-            problem: format!("cannot {what}: {e}; check that the output's folder exists and can be written to"),
+            problem: format!(
+                "cannot {what}: {e}; check that the output's folder exists and can be written to"
+            ),
         };
         let mut file = OpenOptions::new()
             .read(true)
@@ -115,8 +120,9 @@ impl Journal {
             Err(TryLockError::WouldBlock) => {
                 return Err(Error::Journal {
                     path,
-                    problem: "another bake is writing this output; wait for it, or name another one"
-                        .into(),
+                    problem:
+                        "another bake is writing this output; wait for it, or name another one"
+                            .into(),
                 });
             }
             // Some file systems have no locks: then it is up to the user.
@@ -155,7 +161,9 @@ impl Journal {
 
     fn lock(&self) -> std::sync::MutexGuard<'_, File> {
         // A thread that panicked while it wrote has left at worst a record without its end, which is found out.
-        self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.file
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     /// Adds a unit. It is there whole after a crash of the process, or not at all.
@@ -221,7 +229,8 @@ fn scan(file: &mut File, expected: &[u8; HEADER]) -> std::io::Result<(Vec<Record
     while length - end >= RECORD_HEADER as u64 {
         let mut head = [0; RECORD_HEADER];
         reader.read_exact(&mut head)?;
-        let word = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let word =
+            |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
         let size = u64::from(word(8)) | u64::from(word(12)) << 32;
         let at = end + RECORD_HEADER as u64;
         if size > MAX_CONTENT || size > length - at {
@@ -289,7 +298,11 @@ mod tests {
                 assert_eq!(journal.read(record).unwrap(), contents[i]);
             }
             let whole = (0..=5).rev().find(|&n| {
-                let end = HEADER + contents[..n].iter().map(|c| c.len() + RECORD_HEADER).sum::<usize>();
+                let end = HEADER
+                    + contents[..n]
+                        .iter()
+                        .map(|c| c.len() + RECORD_HEADER)
+                        .sum::<usize>();
                 cut >= end
             });
             assert_eq!(records.len(), whole.unwrap_or(0), "cut at {cut}");

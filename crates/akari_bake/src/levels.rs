@@ -125,7 +125,11 @@ impl<'g> LevelChooser<'g> {
         let [a, b, c] = self.geometry.receivers[t];
         let longest = (b - a).length().max((c - b).length()).max((a - c).length());
         let pieces = f64::from(longest) / (SHORTEST_EDGE * self.geometry.diagonal);
-        let shortest = if pieces >= 2.0 { pieces.log2() as u32 } else { 0 };
+        let shortest = if pieces >= 2.0 {
+            pieces.log2() as u32
+        } else {
+            0
+        };
         let finest = self.options.max_level.min(shortest);
         for level in 0..finest {
             if self.is_fine(triangle, normal, level, cancelled)? {
@@ -209,7 +213,11 @@ impl<'g> LevelChooser<'g> {
             sum += weight * difference * difference;
             total += weight;
         }
-        if total > 0.0 { (sum / total).sqrt() } else { 0.0 }
+        if total > 0.0 {
+            (sum / total).sqrt()
+        } else {
+            0.0
+        }
     }
 }
 

@@ -73,6 +73,8 @@ impl<'g> Probe<'g> {
     /// Vertices of a casting triangle, about the middle of the scene.
     #[must_use]
     pub fn caster(&self, index: usize) -> [glam::Vec3; 3] {
-        self.geometry.bvh.triangles[index].vertices.map(glam::Vec3::from)
+        self.geometry.bvh.triangles[index]
+            .vertices
+            .map(glam::Vec3::from)
     }
 }

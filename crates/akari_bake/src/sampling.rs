@@ -79,9 +79,7 @@ impl Geometry<'_> {
                 let position = self
                     .vertex_position(low)
                     .lerp(self.vertex_position(high), weight);
-                let around = self
-                    .adjacency
-                    .edge(&self.topology.triangles, low, high);
+                let around = self.adjacency.edge(&self.topology.triangles, low, high);
                 self.sample_on(position, around)
             }
             Site::Interior {

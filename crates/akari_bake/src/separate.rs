@@ -111,9 +111,18 @@ mod tests {
                 continue;
             }
             let (n, d) = separate(&positive, &negative).unwrap();
-            let front = positive.iter().map(|p| n.dot(*p) - d).fold(f64::INFINITY, f64::min);
-            let back = negative.iter().map(|p| d - n.dot(*p)).fold(f64::INFINITY, f64::min);
-            assert!(front > 0.0 && (front - back).abs() < 1e-9, "{k}: {front} {back}");
+            let front = positive
+                .iter()
+                .map(|p| n.dot(*p) - d)
+                .fold(f64::INFINITY, f64::min);
+            let back = negative
+                .iter()
+                .map(|p| d - n.dot(*p))
+                .fold(f64::INFINITY, f64::min);
+            assert!(
+                front > 0.0 && (front - back).abs() < 1e-9,
+                "{k}: {front} {back}"
+            );
             // No line keeps farther from both than the given one does, which is one of many.
             let given = positive
                 .iter()

@@ -139,7 +139,8 @@ impl Table {
         cell.runs
             .extend(std::iter::repeat_n((0, self.size), self.size as usize));
         for y in 0..self.size as usize {
-            cell.counts.add(Counts::from_sum(self.run(y, (0, self.size))));
+            cell.counts
+                .add(Counts::from_sum(self.run(y, (0, self.size))));
         }
         self.trim(cell);
     }

@@ -175,7 +175,10 @@ mod tests {
         let triangles = cube();
         for t in &triangles {
             let middle = (t[0] + t[1] + t[2]).as_dvec3();
-            assert!(unit(t).unwrap().dot(middle) > 0.0, "the test's cube is inside out");
+            assert!(
+                unit(t).unwrap().dot(middle) > 0.0,
+                "the test's cube is inside out"
+            );
         }
         let vertices = welded(&triangles, false);
         assert_eq!(vertices.iter().flatten().max(), Some(&7));

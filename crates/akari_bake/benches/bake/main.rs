@@ -2,6 +2,8 @@
 //!
 //! `cargo bench -p akari_bake [MESH]...`: meshes by part of their names; their folder in `AKARI_MESHES`. Times are CPU
 //! time of one thread. Without `--bench`, as tests run it, it measures a small mesh made here.
+//!
+//! `cargo bench -p akari_bake -- whole [MESH]...` bakes all of the meshes, and tells time, memory and size.
 
 mod mesh_files;
 mod paper;
@@ -10,7 +12,9 @@ use std::path::{Path, PathBuf};
 
 use akari_bake::fit::{FitSettings, Fitter};
 use akari_bake::probe::Probe;
-use akari_bake::{FaceMask, Geometry, GeometryOptions, MeshInput, Roles};
+use akari_bake::{
+    FaceMask, Geometry, GeometryOptions, MeshInput, Options, Phase, Progress, Roles, Status,
+};
 use akari_visibility::sites::Site;
 use glam::{DAffine3, Vec3};
 use mesh_files::Mesh;
@@ -37,7 +41,11 @@ fn main() {
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/meshes"),
         PathBuf::from,
     );
-    let wanted: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
+    let whole = arguments.iter().any(|a| a == "whole");
+    let wanted: Vec<&String> = arguments
+        .iter()
+        .filter(|a| !a.starts_with('-') && *a != "whole")
+        .collect();
     for (name, file) in [
         ("teapot", "teapot.obj"),
         ("bunny", "stanford-bunny.obj.gz"),
@@ -47,6 +55,7 @@ fn main() {
             continue;
         }
         match mesh_files::read(&folder.join(file)) {
+            Ok(mesh) if whole => bake_all(name, mesh),
             Ok(mesh) => measure(name, mesh, RUNS, RUN),
             Err(e) => println!("{name}: {}: {e}", folder.join(file).display()),
         }
@@ -72,8 +81,18 @@ fn thread_seconds() -> f64 {
 
 /// Scales a mesh to 1 m and puts a floor of 4 m under it.
 fn with_floor(mut mesh: Mesh) -> (Mesh, Mesh) {
-    let min = mesh.positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
-    let max = mesh.positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let min = mesh
+        .positions
+        .iter()
+        .copied()
+        .reduce(Vec3::min)
+        .unwrap_or_default();
+    let max = mesh
+        .positions
+        .iter()
+        .copied()
+        .reduce(Vec3::max)
+        .unwrap_or_default();
     let (middle, scale) = (0.5 * (min + max), (max - min).max_element().recip());
     for p in &mut mesh.positions {
         *p = (*p - middle) * scale;
@@ -114,6 +133,84 @@ impl Row {
     }
 }
 
+fn input<'a>(name: &'a str, mesh: &'a Mesh) -> MeshInput<'a> {
+    MeshInput {
+        name,
+        positions: &mesh.positions,
+        triangles: &mesh.triangles,
+        world_from_mesh: DAffine3::IDENTITY,
+        roles: Roles::BOTH,
+        two_sided: false,
+    }
+}
+
+/// Largest memory of the process so far, MB, where the system tells it.
+fn peak_megabytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    let kilobytes: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(1e-3 * kilobytes)
+}
+
+/// Tells of each tenth.
+struct Tenths(std::sync::Mutex<(Phase, u64)>);
+
+impl Progress for Tenths {
+    fn update(&self, status: &Status) {
+        let now = (status.phase, 10 * status.done / status.total.max(1));
+        let mut last = self
+            .0
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        if *last != now {
+            *last = now;
+            println!(
+                "  {:?} {}0 %, {:.0} s, {:.0} s left, {:.0} MB",
+                now.0,
+                now.1,
+                status.elapsed.as_secs_f64(),
+                status.left.unwrap_or_default().as_secs_f64(),
+                peak_megabytes().unwrap_or(f64::NAN),
+            );
+        }
+    }
+}
+
+fn bake_all(name: &str, mesh: Mesh) {
+    let (mesh, floor) = with_floor(mesh);
+    let geometry = match Geometry::from_meshes(
+        &[input(name, &mesh), input("floor", &floor)],
+        GeometryOptions::default(),
+    ) {
+        Ok(geometry) => geometry,
+        Err(e) => return println!("{name}: {e}"),
+    };
+    println!(
+        "{name} over a floor: {} triangles; {:.0} MB before the bake",
+        geometry.caster_count(),
+        peak_megabytes().unwrap_or(f64::NAN),
+    );
+    let output =
+        std::env::temp_dir().join(format!("akari_bench_{name}_{}.akari", std::process::id()));
+    let tenths = Tenths(std::sync::Mutex::new((Phase::Writing, u64::MAX)));
+    match akari_bake::bake(&geometry, &Options::default(), &output, &tenths) {
+        Ok(report) => println!(
+            "  {report:?}\n  {:.1} core-ms, {:.1} leaves, {:.0} bytes per sample; {:.2} bytes per leaf; wrong {:.4} %, |m−b| {:.4} %; peak {:.0} MB",
+            1e3 * report.cpu_seconds.unwrap_or(f64::NAN) / report.samples as f64,
+            report.leaves_per_sample(),
+            report.bytes_per_sample(),
+            report.bytes_per_leaf(),
+            100.0 * report.misclassified_share(),
+            100.0 * report.mean_absolute_error(),
+            peak_megabytes().unwrap_or(f64::NAN),
+        ),
+        Err(e) => println!("{name}: {e}"),
+    }
+    // It was only made to be measured.
+    let _ = std::fs::remove_file(&output);
+    let _ = std::fs::remove_file(akari_bake::journal_path(&output));
+}
+
 /// Bytes of a sample in memory and on the GPU: its trees, six references, its position.
 fn sample_bytes(trees: usize) -> f64 {
     (trees + 6 * size_of::<u32>() + 3 * size_of::<f32>()) as f64
@@ -121,14 +218,7 @@ fn sample_bytes(trees: usize) -> f64 {
 
 fn measure(name: &str, mesh: Mesh, runs: usize, run: usize) {
     let (mesh, floor) = with_floor(mesh);
-    let inputs = [(name, &mesh), ("floor", &floor)].map(|(name, mesh)| MeshInput {
-        name,
-        positions: &mesh.positions,
-        triangles: &mesh.triangles,
-        world_from_mesh: DAffine3::IDENTITY,
-        roles: Roles::BOTH,
-        two_sided: false,
-    });
+    let inputs = [input(name, &mesh), input("floor", &floor)];
     // The floor encloses the scene and would be left out; the paper has it, so it casts here too.
     let options = GeometryOptions {
         enclosure_casts: true,
@@ -148,7 +238,15 @@ fn measure(name: &str, mesh: Mesh, runs: usize, run: usize) {
     );
     println!(
         "  {:44} {:>8} {:>8} {:>8} {:>8} {:>7} {:>6} {:>9} {:>9}",
-        "core-ms per vertex, at 64²", "rays", "trees", "all", "leaves", "bytes", "B/leaf", "wrong %", "|m−b| %"
+        "core-ms per vertex, at 64²",
+        "rays",
+        "trees",
+        "all",
+        "leaves",
+        "bytes",
+        "B/leaf",
+        "wrong %",
+        "|m−b| %"
     );
     let order = probe.vertices_along_curve();
     let chosen: Vec<Site> = (0..runs)
@@ -251,7 +349,12 @@ fn paper_rows(probe: &Probe<'_>, chosen: &[Site], masks: &[[FaceMask; 6]]) {
                         visible: f64::from(u8::from(bit)),
                     })
                     .collect();
-                paper::fit(&mut texels, tolerance * f64::from(SIZE * SIZE), patient, &mut fit);
+                paper::fit(
+                    &mut texels,
+                    tolerance * f64::from(SIZE * SIZE),
+                    patient,
+                    &mut fit,
+                );
             }
         }
         let trees = (thread_seconds() - start) / count;
@@ -267,7 +370,11 @@ fn paper_rows(probe: &Probe<'_>, chosen: &[Site], masks: &[[FaceMask; 6]]) {
         }
         .print(&format!(
             "paper{}{}, ε {tolerance}",
-            if patient { ", 80 iterations" } else { ", argmin's stop" },
+            if patient {
+                ", 80 iterations"
+            } else {
+                ", argmin's stop"
+            },
             if all { "" } else { ", horizon left out" },
         ));
     }
@@ -300,8 +407,10 @@ fn bumpy_sphere(n: u32) -> Mesh {
     for i in 0..n {
         for j in 0..2 * n {
             let at = |i: u32, j: u32| i * 2 * n + j % (2 * n);
-            mesh.triangles.push([at(i, j), at(i + 1, j + 1), at(i + 1, j)]);
-            mesh.triangles.push([at(i, j), at(i, j + 1), at(i + 1, j + 1)]);
+            mesh.triangles
+                .push([at(i, j), at(i + 1, j + 1), at(i + 1, j)]);
+            mesh.triangles
+                .push([at(i, j), at(i, j + 1), at(i + 1, j + 1)]);
         }
     }
     mesh

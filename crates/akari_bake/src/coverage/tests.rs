@@ -142,7 +142,10 @@ fn the_traversal_changes_no_bit() {
     let all = |_: u32, _: f64, _: f64| true;
     let mut origins = origins(&mut rng);
     // Reaches that end among the triangles.
-    for (k, (tmin, tmax)) in [(0.3, 1.0), (1e-6, 0.7), (0.9, 5.0)].into_iter().enumerate() {
+    for (k, (tmin, tmax)) in [(0.3, 1.0), (1e-6, 0.7), (0.9, 5.0)]
+        .into_iter()
+        .enumerate()
+    {
         origins.push(Origin {
             tmin,
             tmax,
@@ -221,8 +224,7 @@ fn bits_are_those_of_rays() {
                     let length = direction.length();
                     let (mut hit, mut margin) = (false, f64::INFINITY);
                     for triangle in &bvh.triangles {
-                        let Some((t, inside)) = moller(origin.position, direction, triangle)
-                        else {
+                        let Some((t, inside)) = moller(origin.position, direction, triangle) else {
                             continue;
                         };
                         if t * length > origin.tmin {
@@ -333,6 +335,13 @@ fn half_lines_are_exact_and_empty_scenes_are_open() {
         tmax: f64::INFINITY,
     };
     let mut open = full(window);
-    run(0, &bvh, &origin, window, &|_: u32, _: f64, _: f64| true, &mut open);
+    run(
+        0,
+        &bvh,
+        &origin,
+        window,
+        &|_: u32, _: f64, _: f64| true,
+        &mut open,
+    );
     assert_eq!(open, full(window));
 }

@@ -8,6 +8,7 @@ mod device;
 mod image;
 mod kernel;
 mod report;
+mod shaders;
 
 pub use device::{Gpu, REQUIRE_GPU, gpu, gpu_or_skip};
 pub use image::{ImageDifference, image_difference};
@@ -15,3 +16,7 @@ pub use kernel::{
     Kernel, KernelError, UNWRITTEN, compose, compose_module, module_functions, run_kernel,
 };
 pub use report::{CompareReport, Worst, compare, ulp_distance};
+pub use shaders::{
+    definitions_in, layout_fault, struct_layout, u32_constants, undecorated, wgsl_files,
+    workgroup_size,
+};

@@ -1,0 +1,168 @@
+//! The shaders of this crate compose with Bevy's own modules and are valid; and no crate with shaders leaves them
+//! untested.
+
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
+
+mod shader_composer;
+
+use shader_composer::{Composer, Entry, choices, list_faults};
+
+const GBUFFER: &str = include_str!("../src/gbuffer.wgsl");
+const LIBRARIES: &[(&str, &str)] = &[("gbuffer.wgsl", GBUFFER)];
+
+fn capture() -> Entry {
+    Entry {
+        file: "capture.wgsl",
+        source: include_str!("../src/capture.wgsl"),
+        entry_point: "capture",
+        definitions: choices(&[]),
+    }
+}
+
+#[test]
+fn every_shader_is_valid() {
+    let capture = capture();
+    let mut composer = Composer::new(LIBRARIES, &[&capture]);
+    if let Err(error) = composer.compose_all(&capture) {
+        panic!("{error}");
+    }
+    let other_name = Entry {
+        entry_point: "release",
+        ..capture
+    };
+    assert!(composer.compose_all(&other_name).is_err());
+    // What no entry imports of a module is validated with it.
+    let unused = "#import akari_render::gbuffer::unpack_surface
+        @compute @workgroup_size(1) fn run() { _ = unpack_surface(vec4(0u)).metallic; }";
+    assert_eq!(
+        composer.compose("a.wgsl", unused.to_owned(), &[]).err(),
+        None
+    );
+    let wrong = format!("{GBUFFER}\nfn wrong() -> f32 {{ return 1u; }}");
+    let mut composer = Composer::new(&[("gbuffer.wgsl", wrong.leak())], &[]);
+    assert!(composer.compose("a.wgsl", unused.to_owned(), &[]).is_err());
+}
+
+#[test]
+fn every_shader_and_definition_is_tried() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    assert_eq!(list_faults(&source, &[&capture()], LIBRARIES), [""; 0]);
+    assert!(!list_faults(&source, &[&capture()], &[]).is_empty());
+    let with_definition = [("gbuffer.wgsl", "#ifdef UNKNOWN\n#endif")];
+    assert!(!list_faults(&source, &[&capture()], &with_definition).is_empty());
+}
+
+#[test]
+fn choices_are_all_combinations() {
+    assert_eq!(
+        choices(&[&[&[], &["A"]], &[&["B"], &["C", "D"]]]),
+        [
+            vec!["B"],
+            vec!["C", "D"],
+            vec!["A", "B"],
+            vec!["A", "C", "D"]
+        ]
+    );
+}
+
+/// A path without its `..`, of folders that are no links.
+fn plain(path: &Path) -> PathBuf {
+    path.components()
+        .fold(PathBuf::new(), |mut plain, component| {
+            if component == Component::ParentDir {
+                plain.pop();
+            } else {
+                plain.push(component);
+            }
+            plain
+        })
+}
+
+/// The files of a folder and of those below it that end in `.rs`.
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        // A crate without such a folder.
+        return Vec::new();
+    };
+    entries
+        .map(|entry| entry.expect("entry of a folder").path())
+        .flat_map(|path| {
+            if path.is_dir() {
+                rust_files(&path)
+            } else {
+                Vec::from_iter(
+                    path.extension()
+                        .is_some_and(|ending| ending == "rs")
+                        .then_some(path),
+                )
+            }
+        })
+        .collect()
+}
+
+/// The WGSL files that the tests in a folder include.
+fn included(tests: &Path) -> BTreeSet<PathBuf> {
+    let mut files = BTreeSet::new();
+    for test in rust_files(tests) {
+        let text = std::fs::read_to_string(&test).expect("a readable file");
+        let folder = test.parent().unwrap_or(tests);
+        for quoted in text.split("\"../").skip(1) {
+            let path = quoted.split('"').next().unwrap_or_default();
+            if path.ends_with(".wgsl") {
+                files.insert(plain(&folder.join("..").join(path)));
+            }
+        }
+    }
+    files
+}
+
+/// The WGSL files of crates that no test looks at.
+fn untested(crates: &Path) -> BTreeSet<PathBuf> {
+    let folders: Vec<PathBuf> = std::fs::read_dir(crates)
+        .expect("the folder of the crates")
+        .map(|entry| entry.expect("entry of a folder").path())
+        .filter(|folder| folder.join("src").is_dir())
+        .collect();
+    let tested: BTreeSet<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| included(&folder.join("tests")))
+        .collect();
+    folders
+        .iter()
+        .filter(|folder| {
+            // Crates of formulas list all that they have, and compare it number by number with Rust.
+            let lists = |file: &PathBuf| {
+                std::fs::read_to_string(file).is_ok_and(|text| text.contains("WGSL_MODULES"))
+            };
+            !rust_files(&folder.join("tests")).iter().any(lists)
+        })
+        .flat_map(|folder| akari_gpu_test::wgsl_files(&folder.join("src")).expect("a folder"))
+        .filter(|file| !tested.contains(file))
+        .collect()
+}
+
+#[test]
+fn every_shader_of_every_crate_is_tested() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = here.parent().expect("the folder of the crates");
+    assert_eq!(untested(crates), BTreeSet::new());
+    assert_eq!(
+        plain(Path::new("/a/b/../../c/d.wgsl")),
+        Path::new("/c/d.wgsl")
+    );
+    // This file includes its crate's shaders.
+    let own = included(&here.join("tests"));
+    let source = here.join("src");
+    let expected = ["capture.wgsl", "gbuffer.wgsl"].map(|file| source.join(file));
+    assert_eq!(own, BTreeSet::from(expected));
+}
+
+/// What a formula is must not depend on who imports it.
+#[test]
+fn formulas_read_no_definitions() {
+    for (import_path, source) in akari_math::WGSL_MODULES {
+        let read = akari_gpu_test::definitions_in(source);
+        assert_eq!(read, BTreeSet::new(), "{import_path}");
+    }
+}

@@ -23,6 +23,7 @@ use bevy::shader::load_shader_library;
 
 pub mod demand;
 pub mod extract;
+pub mod normal_maps;
 pub mod pass;
 pub mod pipeline;
 pub mod prepare;
@@ -34,6 +35,7 @@ pub const EFFECT: &str = "lobes";
 /// Everything that an app uses from here.
 pub mod prelude {
     pub use crate::LobesPlugin;
+    pub use crate::normal_maps::NormalMapFiltering;
     pub use crate::settings::{DefaultSpecularLobes, SpecularLobes};
 }
 
@@ -48,6 +50,7 @@ impl Plugin for LobesPlugin {
             .register_type::<settings::DefaultSpecularLobes>()
             .init_resource::<settings::DefaultSpecularLobes>();
         demand::build(app);
+        app.add_plugins(normal_maps::NormalMapFilteringPlugin);
         if app.get_sub_app(RenderApp).is_none() {
             return;
         }

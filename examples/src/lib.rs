@@ -1,6 +1,10 @@
 //! What the examples share: the picture that they draw to a file where there is no window, and where assets are.
 
+pub mod controls;
+pub mod demo;
 pub mod orbit;
+pub mod stochastic;
+pub mod unfiltered;
 
 use bevy::camera::primitives::{Aabb, Frustum};
 use bevy::camera::visibility::{VisibilityClass, VisibleEntities};
@@ -10,7 +14,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{TextureFormat, TextureUsages};
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::TransformTreeChanged;
-use bevy_akari::headless::{Headless, HeadlessError, HeadlessOptions, HeadlessTarget};
+use bevy_akari::headless::{Headless, HeadlessError, HeadlessOptions, HeadlessTarget, ReadImage};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -128,6 +132,64 @@ pub fn start_headless() -> Result<Headless, HeadlessError> {
     Ok(headless)
 }
 
+/// Lets the camera draw what a window of this size would show, into an image that can be read.
+///
+/// # Errors
+/// If the GPU has no textures of that size.
+pub fn attach(headless: &mut Headless, camera: Entity, size: UVec2) -> Result<(), HeadlessError> {
+    let world = headless.app.world_mut();
+    let limit = world
+        .resource::<RenderDevice>()
+        .limits()
+        .max_texture_dimension_2d;
+    if size.max_element() > limit {
+        return Err(HeadlessError::Size {
+            width: size.x,
+            height: size.y,
+            limit,
+        });
+    }
+    // The camera keeps its own exposure and tonemapping; it draws into an image that can be read instead of a window.
+    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba32Float, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    let image = world.resource_mut::<Assets<Image>>().add(image);
+    world.entity_mut(camera).insert((
+        RenderTarget::Image(image.clone().into()),
+        HeadlessTarget { image, size },
+    ));
+    Ok(())
+}
+
+/// Writes a picture as a PNG.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn save(read: &ReadImage, out: &Path) -> Result<(), Box<dyn Error>> {
+    // The tonemapper leaves linear values from 0 to 1.
+    let byte =
+        |linear: f32| (Srgba::gamma_function_inverse(linear.clamp(0.0, 1.0)) * 255.0).round() as u8;
+    let bytes = read
+        .data
+        .iter()
+        .flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), u8::MAX])
+        .collect();
+    let format = TextureFormat::Rgba8UnormSrgb;
+    let mut picture = Image::new_target_texture(read.width, read.height, format, None);
+    picture.data = Some(bytes);
+    picture
+        .try_into_dynamic()?
+        .into_rgb8()
+        .save(out)
+        .map_err(|error| format!("{}: cannot be written: {error}", out.display()))?;
+    Ok(())
+}
+
+/// The file's name with a number before its ending.
+pub fn numbered(out: &Path, number: u32) -> PathBuf {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    out.with_file_name(format!("{stem}_{number:03}.png"))
+}
+
 /// Draws what a window of this size would show through `camera`, and writes it as a PNG.
 ///
 /// # Errors
@@ -138,44 +200,9 @@ pub fn draw(
     size: UVec2,
     out: &Path,
 ) -> Result<(), Box<dyn Error>> {
-    let world = headless.app.world_mut();
-    let limit = world
-        .resource::<RenderDevice>()
-        .limits()
-        .max_texture_dimension_2d;
-    if size.max_element() > limit {
-        return Err(Box::new(HeadlessError::Size {
-            width: size.x,
-            height: size.y,
-            limit,
-        }));
-    }
-    // The camera keeps its own exposure and tonemapping; it draws into an image that can be read instead of a window.
-    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba32Float, None);
-    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
-    let image = world.resource_mut::<Assets<Image>>().add(image);
-    world.entity_mut(camera).insert((
-        RenderTarget::Image(image.clone().into()),
-        HeadlessTarget { image, size },
-    ));
+    attach(headless, camera, size)?;
     headless.step_until_ready()?;
-    let read = headless.read(camera)?;
-    // The tonemapper leaves linear values from 0 to 1.
-    let byte =
-        |linear: f32| (Srgba::gamma_function_inverse(linear.clamp(0.0, 1.0)) * 255.0).round() as u8;
-    let bytes = read
-        .data
-        .iter()
-        .flat_map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), u8::MAX])
-        .collect();
-    let mut picture =
-        Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
-    picture.data = Some(bytes);
-    picture
-        .try_into_dynamic()?
-        .into_rgb8()
-        .save(out)
-        .map_err(|error| format!("{}: cannot be written: {error}", out.display()))?;
+    save(&headless.read(camera)?, out)?;
     println!("{}: drawn on {}", out.display(), headless.adapter());
     Ok(())
 }
@@ -301,6 +328,13 @@ mod tests {
         for bad in ["", "png", "a.exr", ".png"] {
             assert!(png_path(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn numbers_keep_folder_and_order() {
+        let name = |number| numbered(Path::new("a/b.png"), number);
+        assert_eq!(name(7), PathBuf::from("a/b_007.png"));
+        assert!(name(9) < name(10));
     }
 
     #[test]

@@ -47,7 +47,8 @@ impl GuideKey {
             (self.wang, "WANG_LOBES"),
         ]
         .into_iter()
-        .filter_map(|(set, name)| set.then(|| name.into()))
+        .filter(|(set, _)| *set)
+        .map(|(_, name)| name.into())
         .collect()
     }
 

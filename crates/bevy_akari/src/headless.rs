@@ -239,7 +239,12 @@ impl Headless {
                 crate::resample::ResampleFromImagePlugin,
             ))
             .insert_resource(ClearColor(Color::BLACK))
-            .insert_resource(GlobalAmbientLight::NONE);
+            .insert_resource(GlobalAmbientLight::NONE)
+            // Pictures must not depend on when a thread has finished.
+            .insert_resource(akari_lobes::normal_maps::NormalMapFiltering {
+                inline_texels: u32::MAX,
+                ..default()
+            });
         while app.plugins_state() == PluginsState::Adding {
             tick_global_task_pools_on_main_thread();
         }

@@ -141,7 +141,7 @@ pub fn cases() -> Vec<Case> {
             domains: vec![domain(
                 "noise",
                 rows(272, 1000, |random, row| {
-                    row.push(random.log_range(-8.0, 4.0))
+                    row.push(random.log_range(-8.0, 4.0));
                 }),
                 absolute(1.0),
                 absolute(1.0),

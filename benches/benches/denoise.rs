@@ -1,5 +1,4 @@
-//! How much error the denoiser takes away, what it costs, and how it fares beside other filters: the tables of
-//! `docs/denoise.md`.
+//! How much error the denoiser takes away, what it costs, and how it fares beside other filters.
 //!
 //! `cargo bench -p bevy_akari_benches --bench denoise -- [PART…] [--side=256] [--quick]`. Parts: `methods` (Figures 4 and
 //! 5 of Tokuyoshi 2015), `beta` (Figure 6), `guided` (the default method, 1 to 256 samples a pixel), `history`,

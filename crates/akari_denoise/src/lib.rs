@@ -14,7 +14,24 @@
 //! the HDR view target after Bevy's deferred lighting, or images.
 //!
 //! **Cost**: nothing unless a camera has signals. Otherwise the passes that the settings call for; bytes per pixel of
-//! each are entered into the ledger.
+//! each are entered into the ledger. With history, and for one signal / both:
+//!
+//! | kernel | bytes a pixel | at 2560 × 1440 |
+//! |---|---|---|
+//! | full, separable | 20 / 28 | 74 / 103 MB |
+//! | à-trous | 24 / 32 | 88 / 118 MB |
+//!
+//! Stored lobes are another 8 bytes, filtered roughness 4 (`akari_lobes`); lobes made on the fly take none.
+//!
+//! **Error**: mean squared error over that of the input at 1, 4, 16 samples a pixel, one frame, 256², default settings:
+//! roughness map 0.036, 0.053, 0.10 (its mirrors alone 0.14, 0.17, 0.29); Cornell box with a glossy block 0.032, 0.023,
+//! 0.021; incident edge 0.041, 0.078, 0.16. The lobe weight alone (β 20, κ 100) has 0.39, 1.9, 12 on the roughness map
+//! and 0.15, 0.82, 6.6 on the incident edge; it is better on the Cornell box at 1 and 4 samples (0.008, 0.012), where
+//! nothing has to be protected. More taps are not always better: on mirrors three à-trous levels beat the full kernel.
+//!
+//! **Limits**: noise is estimated in space, so that of an almost clean input mirrors can lose more than they gain (1.25
+//! at 256 samples), and detail of one or two pixels can pass for noise. The change of reflected light is told from a
+//! neighbourhood: a rim of one or two pixels keeps its history for some frames.
 
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;

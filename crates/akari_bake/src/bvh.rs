@@ -51,31 +51,75 @@ pub(crate) struct Caster {
     pub(crate) vertices: [Vec3; 3],
     /// Normal of the only side that is a front; none if both are.
     pub(crate) front: Option<DVec3>,
-    /// Number by which its alpha is looked up, if some of it may not be there.
+    /// Number by which its alpha is looked up, if some of it may not be there; below 2³⁰ − 1.
     pub(crate) cut: Option<u32>,
 }
 
 /// A triangle in the order of the leaves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeafTriangle {
+    /// Counter-clockwise from the front.
     pub(crate) vertices: [[f32; 3]; 3],
-    cut: u32,
+    /// Number by which alpha is looked up, or [`WHOLE`]; and flags.
+    bits: u32,
 }
 
-const WHOLE: u32 = u32::MAX;
+const WHOLE: u32 = (1 << 30) - 1;
+const TWO_SIDED: u32 = 1 << 31;
+/// Second and third vertex have been exchanged.
+const TURNED: u32 = 1 << 30;
 
 impl LeafTriangle {
     pub(crate) fn new(caster: &Caster) -> Self {
+        let [a, b, c] = caster.vertices;
+        let by_winding = (b - a).as_dvec3().cross((c - a).as_dvec3());
+        let turned = caster.front.is_some_and(|front| front.dot(by_winding) < 0.0);
+        let vertices = if turned { [a, c, b] } else { [a, b, c] };
+        let mut bits = caster.cut.unwrap_or(WHOLE);
+        if caster.front.is_none() {
+            bits |= TWO_SIDED;
+        }
+        if turned {
+            bits |= TURNED;
+        }
         Self {
-            vertices: caster.vertices.map(|v| v.to_array()),
-            cut: caster.cut.unwrap_or(WHOLE),
+            vertices: vertices.map(|v| v.to_array()),
+            bits,
         }
     }
 
-    /// Number by which its alpha is looked up.
+    /// Whether both sides are fronts.
+    pub(crate) fn is_two_sided(&self) -> bool {
+        self.bits & TWO_SIDED != 0
+    }
+
+    /// Whether some of it may not be there.
     #[inline(always)]
-    pub(crate) fn cut(&self) -> Option<u32> {
-        (self.cut != WHOLE).then_some(self.cut)
+    pub(crate) fn is_cut(&self) -> bool {
+        self.bits & WHOLE != WHOLE
+    }
+
+    /// Whether the place with these weights of the second and third vertex is there.
+    #[inline(always)]
+    pub(crate) fn covers(&self, accept: &impl Accept, u: f64, v: f64) -> bool {
+        let cut = self.bits & WHOLE;
+        if cut == WHOLE {
+            return true;
+        }
+        let (u, v) = if self.bits & TURNED != 0 { (v, u) } else { (u, v) };
+        accept.accept(cut, u, v)
+    }
+}
+
+/// Whether a surface is there where it is hit.
+pub(crate) trait Accept {
+    /// Number of the triangle, and the barycentric weights of its second and third vertex.
+    fn accept(&self, cut: u32, u: f64, v: f64) -> bool;
+}
+
+impl<F: Fn(u32, f64, f64) -> bool> Accept for F {
+    fn accept(&self, cut: u32, u: f64, v: f64) -> bool {
+        self(cut, u, v)
     }
 }
 

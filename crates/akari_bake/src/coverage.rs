@@ -15,7 +15,7 @@
 
 use glam::{DVec3, Vec4};
 
-use crate::bvh::{Bvh, Child, LeafTriangle, Node, WIDTH};
+use crate::bvh::{Accept, Bvh, Child, LeafTriangle, Node, WIDTH};
 use crate::cube::FACES;
 
 /// Side of a tile of texels: a row is a word.
@@ -75,18 +75,6 @@ impl Window {
     #[inline(always)]
     pub(crate) fn row(self, y: u32) -> f64 {
         f64::from(2 * (self.y0 + y) + 1) / f64::from(self.size) - 1.0
-    }
-}
-
-/// Whether a surface is there where it is hit: number of the triangle, and the barycentric weights of its second and
-/// third vertex.
-pub(crate) trait Accept {
-    fn accept(&self, triangle: u32, u: f64, v: f64) -> bool;
-}
-
-impl<F: Fn(u32, f64, f64) -> bool> Accept for F {
-    fn accept(&self, triangle: u32, u: f64, v: f64) -> bool {
-        self(triangle, u, v)
     }
 }
 
@@ -399,7 +387,7 @@ fn draw<const F: usize>(
         return;
     };
     let columns = span(x0, x1);
-    let by_texel = entry.bounded || triangle.cut().is_some();
+    let by_texel = entry.bounded || triangle.is_cut();
     for y in y0..=y1 {
         let row = &mut open[y as usize];
         let mut candidates = *row & columns;
@@ -440,7 +428,7 @@ pub(crate) fn counts(
     accept: &impl Accept,
 ) -> bool {
     let (t, u, v) = projected.hit(a, b);
-    t > origin.tmin && t < origin.tmax && triangle.cut().is_none_or(|cut| accept.accept(cut, u, v))
+    t > origin.tmin && t < origin.tmax && triangle.covers(accept, u, v)
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ use crate::mask::FaceMask;
 use crate::morton;
 use crate::options::{Options, Phase, Progress, Status};
 use crate::report::Report;
+use crate::sampling::SamplePoint;
 
 /// Triangles whose levels are one unit of work.
 const LEVEL_UNIT: usize = 256;
@@ -158,7 +159,7 @@ fn bake_here(
     };
     let levels = job.levels(&mut report)?;
     let sites = job.sites(&levels);
-    let units = job.samples(&sites, &mut report)?;
+    let units = job.samples(&levels, &sites, &mut report)?;
 
     let writing = Meter::new(progress, Phase::Writing, sites.len() as u64, 0);
     let mut builder = PartBuilder::new(identity, options.settings(), options.shard, triangle_count);
@@ -386,7 +387,12 @@ impl Job<'_> {
     }
 
     /// Makes all units of samples, and tells where they are in the journal.
-    fn samples(&self, sites: &[Site], report: &mut Report) -> Result<Vec<Record>, Error> {
+    fn samples(
+        &self,
+        levels: &[u8],
+        sites: &[Site],
+        report: &mut Report,
+    ) -> Result<Vec<Record>, Error> {
         let chunks: Vec<&[Site]> = sites.chunks(SAMPLE_UNIT).collect();
         let found = self.found(Kind::Samples, chunks.len());
         let resumed = chunks
@@ -410,7 +416,14 @@ impl Job<'_> {
                         if self.progress.cancelled() {
                             return Err(Error::Cancelled);
                         }
-                        sampler.sample(site, &mut content);
+                        let neighbours = || {
+                            let owner = self.geometry.owner(site, &self.rank);
+                            owner.map_or_else(Vec::new, |t| {
+                                let level = levels[t as usize].into();
+                                self.geometry.neighbours(site, t, level)
+                            })
+                        };
+                        sampler.sample(site, neighbours, &mut content);
                     }
                     let bytes = content.finish();
                     let record = self.journal.append(Kind::Samples, unit as u32, &bytes)?;
@@ -458,10 +471,28 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn sample(&mut self, site: Site, unit: &mut Unit) {
+    fn see(&mut self, site: Site) -> (SamplePoint, bool) {
         let point = self.geometry.sample_point(site);
         self.geometry
             .see(&point, self.options.max_distance, &mut self.masks);
+        let buried = self.geometry.is_buried(&point, &self.masks);
+        (point, buried)
+    }
+
+    /// Samples a site into `unit`. `neighbours` tells where else it may be taken from.
+    fn sample(&mut self, site: Site, neighbours: impl Fn() -> Vec<Site>, unit: &mut Unit) {
+        let (mut point, buried) = self.see(site);
+        if buried {
+            let open = neighbours().into_iter().find_map(|neighbour| {
+                let (point, buried) = self.see(neighbour);
+                (!buried).then_some(point)
+            });
+            match open {
+                Some(neighbour) => point = neighbour,
+                // All around is buried too: it is as dark as it looks, and nobody sees it.
+                None => (point, _) = self.see(site),
+            }
+        }
         let position = (point.position + self.geometry.origin).as_vec3();
         for component in position.to_array() {
             unit.bytes.extend(component.to_le_bytes());

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use crate::Error;
 use crate::adjacency::Adjacency;
-use crate::bvh::{Bvh, Caster};
+use crate::bvh::{Accept, Bvh, Caster};
 use crate::enclosure::Enclosure;
 use crate::weld::weld;
 
@@ -15,7 +15,7 @@ use crate::weld::weld;
 const BLEND_CUTOFF: f32 = 0.5;
 
 /// Most triangles: their indices have flags in the top bits.
-const MAX_TRIANGLES: usize = 1 << 30;
+const MAX_TRIANGLES: usize = (1 << 30) - 1;
 
 /// A triangle whose doubled area is below this share of its longest edge squared has no normal.
 const SLIVER: f64 = 1e-12;
@@ -92,9 +92,9 @@ pub(crate) struct Cuts<'a> {
     triangles: Vec<CutTriangle>,
 }
 
-impl crate::coverage::Accept for Cuts<'_> {
-    fn accept(&self, triangle: u32, u: f64, v: f64) -> bool {
-        let CutTriangle { part, corners } = self.triangles[triangle as usize];
+impl Accept for Cuts<'_> {
+    fn accept(&self, cut: u32, u: f64, v: f64) -> bool {
+        let CutTriangle { part, corners } = self.triangles[cut as usize];
         let part = &self.parts[part as usize];
         let (u, v) = (u as f32, v as f32);
         let w = 1.0 - u - v;

@@ -39,12 +39,17 @@ const FAR_OFF_SHARE: f64 = 0.02;
 /// Signatures kept for neighbouring triangles.
 const CACHE: usize = 4096;
 
-/// Visible share of each test light; none where less than half of it is above the horizon.
+/// What a sample sees.
 #[derive(Clone)]
-struct Signature([Option<f32>; LIGHTS]);
+struct Signature {
+    /// Visible share of each test light; none where less than half of it is above the horizon.
+    shares: [Option<f32>; LIGHTS],
+    /// It is inside of something, and will not be used as it is.
+    buried: bool,
+}
 
 impl Signature {
-    fn new(masks: &[FaceMask; FACE_COUNT]) -> Self {
+    fn new(masks: &[FaceMask; FACE_COUNT], buried: bool) -> Self {
         let mut shares = [None; LIGHTS];
         for (face, mask) in masks.iter().enumerate() {
             let side = mask.size() as usize / BLOCKS;
@@ -58,7 +63,7 @@ impl Signature {
                 }
             }
         }
-        Self(shares)
+        Self { shares, buried }
     }
 }
 
@@ -194,7 +199,8 @@ impl<'g> LevelChooser<'g> {
                 let point = self.geometry.sample_point(site);
                 self.geometry
                     .see(&point, self.options.max_distance, &mut self.masks);
-                let signature = Signature::new(&self.masks);
+                let buried = self.geometry.is_buried(&point, &self.masks);
+                let signature = Signature::new(&self.masks, buried);
                 if self.cache.len() >= CACHE {
                     // Not the ends and the middle of this edge: they are put in again where they are missed.
                     self.cache.retain(|known, _| [p, q, middle].contains(known));
@@ -202,10 +208,20 @@ impl<'g> LevelChooser<'g> {
                 self.cache.insert(site, signature);
             }
         }
-        let [p, q, middle] = [p, q, middle].map(|site| &self.cache[&site].0);
+        let [mut p, mut q, middle] = [p, q, middle].map(|site| &self.cache[&site]);
+        // What is inside is not seen, and an end that is takes over what its neighbour sees.
+        if middle.buried || (p.buried && q.buried) {
+            return 0.0;
+        }
+        if p.buried {
+            p = q;
+        } else if q.buried {
+            q = p;
+        }
         let (mut sum, mut total) = (0.0, 0.0);
         for (k, &(direction, solid_angle)) in self.lights.iter().enumerate() {
-            let (Some(p), Some(q), Some(middle)) = (p[k], q[k], middle[k]) else {
+            let shares = (p.shares[k], q.shares[k], middle.shares[k]);
+            let (Some(p), Some(q), Some(middle)) = shares else {
                 continue;
             };
             let weight = solid_angle * normal.dot(direction).abs();

@@ -4,6 +4,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod adjacency;
+mod buried;
 mod bvh;
 mod coverage;
 mod cube;

@@ -23,8 +23,7 @@ pub struct Options {
     /// Texels that a leaf may have wrong, as a share of a face's texels, in [0, 0.5]; 0 fits every texel.
     pub leaf_tolerance: f32,
     /// Largest error of the interpolated shadow at which a triangle's grid is fine enough, in (0, 1]: root mean square
-    /// over lights 11° wide in all directions, half-way between the samples, where it is largest. Over a triangle's area
-    /// it is about half of that.
+    /// over lights 11° wide in all directions, half-way between the samples, where it is largest.
     pub shadow_tolerance: f32,
     /// Finest level of a triangle's sample grid, at most [`akari_visibility::grid::MAX_LEVEL`]: an edge is cut into up
     /// to 2^level pieces. 0 samples the vertices only, as the paper does.
@@ -46,7 +45,7 @@ impl Default for Options {
         Self {
             face_size: 64,
             leaf_tolerance: 0.0005,
-            shadow_tolerance: 0.04,
+            shadow_tolerance: 0.02,
             max_level: 7,
             max_depth: 48,
             max_distance: None,

@@ -53,6 +53,13 @@ impl<'g> Probe<'g> {
         &self.masks
     }
 
+    /// The six faces at a point of the world that is on no surface, above the plane of `normal` (unit).
+    pub fn see_from(&mut self, point: DVec3, normal: DVec3) -> &[FaceMask; FACES] {
+        let point = SamplePoint::free(point - self.geometry.origin, normal);
+        self.geometry.see(&point, None, &mut self.masks);
+        &self.masks
+    }
+
     /// Where rays start on the front of a site; none if its triangles have no area.
     #[must_use]
     pub fn origin(&self, site: Site) -> Option<RayOrigin> {

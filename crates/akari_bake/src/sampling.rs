@@ -4,6 +4,7 @@ use akari_visibility::face::FACES as FACE_COUNT;
 use akari_visibility::sites::Site;
 use glam::{DVec3, Vec3};
 
+use crate::buried::is_buried;
 use crate::coverage::{Origin, TILE, Tile, Window, cover, half_line};
 use crate::cube::FACES;
 use crate::geometry::Geometry;
@@ -43,6 +44,17 @@ pub(crate) struct SamplePoint {
 }
 
 impl SamplePoint {
+    /// A point that is on no surface.
+    pub(crate) fn free(position: DVec3, normal: DVec3) -> Self {
+        let mut point = Self {
+            position,
+            normal: Some(normal),
+            ..Self::default()
+        };
+        point.fan.add(normal);
+        point
+    }
+
     /// Where rays start on the front (1) or on the back (−1); none if there is no surface.
     pub(crate) fn origin(&self, side: f64, max_distance: Option<f32>) -> Option<Origin> {
         Some(Origin {
@@ -172,6 +184,47 @@ impl Geometry<'_> {
         }
     }
 
+    /// Whether the sample is inside of something. `masks` is what it sees.
+    pub(crate) fn is_buried(&self, point: &SamplePoint, masks: &[FaceMask; FACE_COUNT]) -> bool {
+        let Some((normal, origin)) = point.normal.zip(point.origin(1.0, None)) else {
+            return false;
+        };
+        !point.two_sided && is_buried(&self.bvh, &origin, normal, masks, &self.cuts)
+    }
+
+    /// The triangle that a site is enumerated with: the first along the curve of those that have it.
+    pub(crate) fn owner(&self, site: Site, rank: &[u32]) -> Option<u32> {
+        let first = |triangles: &mut dyn Iterator<Item = usize>| {
+            triangles.min_by_key(|&t| rank[t]).map(|t| t as u32)
+        };
+        match site {
+            Site::Vertex(v) => first(&mut self.adjacency.corners(v).map(|(t, _)| t)),
+            Site::Edge { low, high, .. } => {
+                first(&mut self.adjacency.edge(&self.topology.triangles, low, high))
+            }
+            Site::Interior { triangle, .. } => Some(triangle),
+        }
+    }
+
+    /// Sites around a site on the grid of a triangle at `level`, nearest first.
+    pub(crate) fn neighbours(&self, site: Site, triangle: u32, level: u32) -> Vec<Site> {
+        let vertices = self.topology.triangles[triangle as usize];
+        let Some([i, j]) = grid_place(site, vertices, level) else {
+            return Vec::new();
+        };
+        let n = 1_i32 << level;
+        let here = self.sample_point(site).position;
+        let mut found: Vec<(f64, Site)> = [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1), (1, -1)]
+            .into_iter()
+            .map(|(di, dj)| (i + di, j + dj))
+            .filter(|&(i, j)| i >= 0 && j >= 0 && i + j <= n)
+            .map(|(i, j)| Site::of(triangle, vertices, level, i as u32, j as u32))
+            .map(|s| (self.sample_point(s).position.distance_squared(here), s))
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.into_iter().map(|(_, s)| s).collect()
+    }
+
     fn see_tile(
         &self,
         face: usize,
@@ -200,6 +253,32 @@ impl Geometry<'_> {
     }
 }
 
+/// Where a site is on the grid of a triangle; none if it is not.
+fn grid_place(site: Site, vertices: [u32; 3], level: u32) -> Option<[i32; 2]> {
+    let n = 1_u32 << level;
+    let corner = |v: u32| vertices.iter().position(|&w| w == v);
+    let mut weights = [0; 3];
+    match site {
+        Site::Vertex(v) => weights[corner(v)?] = n,
+        Site::Edge {
+            low,
+            high,
+            level: l,
+            numerator,
+        } => {
+            let weight = u32::from(numerator) << level.checked_sub(l.into())?;
+            weights[corner(high)?] = weight;
+            weights[corner(low)?] = n - weight;
+        }
+        Site::Interior { level: l, i, j, .. } => {
+            let shift = level.checked_sub(l.into())?;
+            weights[1] = u32::from(i) << shift;
+            weights[2] = u32::from(j) << shift;
+        }
+    }
+    Some([weights[1] as i32, weights[2] as i32])
+}
+
 /// Texels above one of the planes.
 fn above(face: usize, window: Window, normals: &[DVec3]) -> Tile {
     let mut tile = [0; TILE];
@@ -211,4 +290,27 @@ fn above(face: usize, window: Window, normals: &[DVec3]) -> Tile {
         }
     }
     tile
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sites_are_found_on_the_grid() {
+        let vertices = [7, 3, 5];
+        for level in 0..4 {
+            let n = 1 << level;
+            for j in 0..=n {
+                for i in 0..=n - j {
+                    let site = Site::of(2, vertices, level, i, j);
+                    let place = grid_place(site, vertices, level).unwrap();
+                    assert_eq!(place, [i as i32, j as i32], "{site:?}");
+                }
+            }
+        }
+        let fine = Site::of(2, vertices, 3, 1, 1);
+        assert_eq!(grid_place(fine, vertices, 2), None);
+        assert_eq!(grid_place(Site::Vertex(4), vertices, 2), None);
+    }
 }

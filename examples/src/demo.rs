@@ -74,15 +74,6 @@ impl Demo {
             .next()
             .ok_or("the scene has no camera")?;
         attach(&mut headless, camera, self.picture.size)?;
-        // SCRATCH begin
-        if std::env::var_os("DUMP").is_some() {
-            headless
-                .app
-                .world_mut()
-                .entity_mut(camera)
-                .insert(bevy::core_pipeline::tonemapping::Tonemapping::None);
-        }
-        // SCRATCH end
         headless.step_until_ready()?;
         headless.app.world_mut().trigger(Restart);
         let default_out = PathBuf::from(format!("{name}.png"));
@@ -98,17 +89,6 @@ impl Demo {
                     .map(|target| target.image.clone())
                     .ok_or("the camera draws into no image")?;
                 let image = headless.read_image(&image)?;
-                // SCRATCH begin
-                if let Some(dump) = std::env::var_os("DUMP") {
-                    let bytes: Vec<u8> = image
-                        .data
-                        .iter()
-                        .flatten()
-                        .flat_map(|v| v.to_le_bytes())
-                        .collect();
-                    std::fs::write(format!("{}_{frame:03}.f32", dump.to_string_lossy()), bytes)?;
-                }
-                // SCRATCH end
                 if self.each {
                     save(&image, &numbered(out, frame))?;
                 } else {

@@ -107,9 +107,7 @@ fn hit(
     direction: DVec3,
     accept: &impl Accept,
 ) -> Option<(f64, bool)> {
-    let [a, b, c] = triangle
-        .vertices
-        .map(|v| DVec3::from(v.map(f64::from)));
+    let [a, b, c] = triangle.vertices.map(|v| DVec3::from(v.map(f64::from)));
     let (e1, e2) = (b - a, c - a);
     let p = direction.cross(e2);
     let determinant = e1.dot(p);
@@ -144,8 +142,8 @@ mod tests {
                 };
                 let mut outward = DVec3::ZERO;
                 outward[axis] = f64::from(side);
-                let [a, b, c, d] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-                    .map(|(s, t)| corner(s, t));
+                let [a, b, c, d] =
+                    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(s, t)| corner(s, t));
                 for vertices in [[a, b, c], [a, c, d]] {
                     casters.push(Caster {
                         vertices,
@@ -176,7 +174,10 @@ mod tests {
         let solid = cube(Some);
         let inside = DVec3::new(0.2, -0.3, 0.1);
         assert!(buried(&solid, inside, &dark));
-        assert!(!buried(&solid, inside, &light), "what sees is not asked about");
+        assert!(
+            !buried(&solid, inside, &light),
+            "what sees is not asked about"
+        );
         assert!(!buried(&solid, DVec3::new(0.0, 1.5, 0.0), &dark));
         let room = cube(|outward| Some(-outward));
         assert!(!buried(&room, inside, &dark));

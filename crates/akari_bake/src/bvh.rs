@@ -73,7 +73,9 @@ impl LeafTriangle {
     pub(crate) fn new(caster: &Caster) -> Self {
         let [a, b, c] = caster.vertices;
         let by_winding = (b - a).as_dvec3().cross((c - a).as_dvec3());
-        let turned = caster.front.is_some_and(|front| front.dot(by_winding) < 0.0);
+        let turned = caster
+            .front
+            .is_some_and(|front| front.dot(by_winding) < 0.0);
         let vertices = if turned { [a, c, b] } else { [a, b, c] };
         let mut bits = caster.cut.unwrap_or(WHOLE);
         if caster.front.is_none() {
@@ -106,7 +108,11 @@ impl LeafTriangle {
         if cut == WHOLE {
             return true;
         }
-        let (u, v) = if self.bits & TURNED != 0 { (v, u) } else { (u, v) };
+        let (u, v) = if self.bits & TURNED != 0 {
+            (v, u)
+        } else {
+            (u, v)
+        };
         accept.accept(cut, u, v)
     }
 }

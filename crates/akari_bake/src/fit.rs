@@ -287,7 +287,7 @@ mod tests {
         // Bits of noise below a horizon.
         let noise = |x: u32, y: u32| (x * 7919 + y * 104_729 + x * y * 31) % 7 < 3;
         let above = |x: u32, y: u32| centre(x, SIZE) + 2.0 * centre(y, SIZE) > 0.2;
-        let cared = FaceMask::from_fn(SIZE, |x, y| above(x, y).then(|| x < 30 || y > 50));
+        let cared = FaceMask::from_fn(SIZE, |x, y| above(x, y).then_some(x < 30 || y > 50));
         let quality = check(&cared, 0.0);
         assert!(quality.leaves <= 4, "{quality:?}");
         // The wrong way, so that this is known to be able to fail: the noise matters.

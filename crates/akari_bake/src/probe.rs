@@ -15,7 +15,7 @@ pub struct Probe<'g> {
     masks: [FaceMask; FACES],
 }
 
-/// Where the rays of a probe start, in the frame of [`Probe::triangle`].
+/// Where the rays of a probe start, in the frame of [`Probe::caster`].
 #[derive(Clone, Copy, Debug)]
 pub struct RayOrigin {
     /// Start.

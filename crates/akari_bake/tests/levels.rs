@@ -42,7 +42,10 @@ fn an_empty_floor_stays_coarse_and_a_dense_mesh_is_not_looked_at() {
 
 #[test]
 fn the_finest_level_bounds() {
-    let scene = geometry(&[bumpy_sphere(8, Vec3::new(0.0, 0.3, 0.0), 0.2), floor(1.0, 0.0)]);
+    let scene = geometry(&[
+        bumpy_sphere(8, Vec3::new(0.0, 0.3, 0.0), 0.2),
+        floor(1.0, 0.0),
+    ]);
     let folder = tempfile::tempdir().unwrap();
     for max_level in [0, 2] {
         let options = Options {
@@ -113,7 +116,10 @@ fn floor_error(geometry: &Geometry<'_>, options: &Options) -> (f64, usize) {
                 .iter()
                 .map(|&(sample, weight)| {
                     let from = Vec3::from(baked.positions[sample as usize]);
-                    weight * share(light, 0.15, from, |d| visibility_at(&baked.pool, &baked.trees[sample as usize], d))
+                    weight
+                        * share(light, 0.15, from, |d| {
+                            visibility_at(&baked.pool, &baked.trees[sample as usize], d)
+                        })
                 })
                 .sum();
             error += f64::from(baked - truth).powi(2);
@@ -125,7 +131,10 @@ fn floor_error(geometry: &Geometry<'_>, options: &Options) -> (f64, usize) {
 
 #[test]
 fn the_error_falls_with_the_tolerance() {
-    let scene = geometry(&[floor(1.0, 0.0), bumpy_sphere(8, Vec3::new(0.1, 0.5, 0.0), 0.3)]);
+    let scene = geometry(&[
+        floor(1.0, 0.0),
+        bumpy_sphere(8, Vec3::new(0.1, 0.5, 0.0), 0.3),
+    ]);
     let coarse = floor_error(&scene, &options(0.2));
     let fine = floor_error(&scene, &options(0.03));
     println!("{coarse:?} {fine:?}");

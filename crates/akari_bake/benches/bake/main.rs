@@ -107,7 +107,7 @@ fn with_floor(mut mesh: Mesh) -> (Mesh, Mesh) {
     (mesh, floor)
 }
 
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Row {
     rays: f64,
     trees: f64,
@@ -271,7 +271,8 @@ fn measure(name: &str, mesh: Mesh, runs: usize, run: usize) {
             masks.push(probe.see(site).clone());
         }
     }
-    for tolerance in TOLERANCES {
+    let mut ours = [Row::default(); TOLERANCES.len()];
+    for (tolerance, result) in TOLERANCES.into_iter().zip(&mut ours) {
         let mut fitter = Fitter::new(FitSettings {
             tolerance,
             max_depth: 48,
@@ -300,11 +301,18 @@ fn measure(name: &str, mesh: Mesh, runs: usize, run: usize) {
         row.wrong = wrong / texels;
         row.absolute = absolute / texels;
         row.print(&format!("ours, leaf tolerance {tolerance}"));
+        *result = row;
     }
-    paper_rows(&probe, &chosen, &masks);
+    paper_rows(&probe, &chosen, &masks, ours);
 }
 
-fn paper_rows(probe: &Probe<'_>, chosen: &[Site], masks: &[[FaceMask; 6]]) {
+/// The paper's method on some of the vertices, and ours beside it.
+fn paper_rows(
+    probe: &Probe<'_>,
+    chosen: &[Site],
+    masks: &[[FaceMask; 6]],
+    ours: [Row; TOLERANCES.len()],
+) {
     let triangles: Vec<[Vec3; 3]> = (0..probe.caster_count()).map(|i| probe.caster(i)).collect();
     let bvh = paper::bvh(&triangles);
     let some: Vec<usize> = (0..chosen.len()).step_by(PAPER_STRIDE).collect();
@@ -328,13 +336,16 @@ fn paper_rows(probe: &Probe<'_>, chosen: &[Site], masks: &[[FaceMask; 6]]) {
         }
         bits.push((i, faces));
     }
-    for (patient, tolerance, all) in [
-        (true, 0.0, true),
-        (true, 0.0005, true),
-        (false, 0.0, true),
-        (false, 0.0005, true),
-        (true, 0.0005, false),
+    let [exact, coarse] = TOLERANCES.map(f64::from);
+    let mut comparisons: Vec<(String, Row, Row)> = Vec::new();
+    for (patient, which, all) in [
+        (true, 0, true),
+        (true, 1, true),
+        (false, 0, true),
+        (false, 1, true),
+        (true, 1, false),
     ] {
+        let tolerance = [exact, coarse][which];
         let mut fit = paper::Fit::default();
         let start = thread_seconds();
         for (i, faces) in &bits {

@@ -207,7 +207,7 @@ fn bits_are_those_of_rays() {
     };
     let (mut compared, mut doubtful, mut moved) = (0, 0, 0);
     for origin in origins(&mut rng) {
-        for face in 0..6 {
+        for (face, basis) in FACES.iter().enumerate() {
             let mut open = full(window);
             run(face, &bvh, &origin, window, &all, &mut open);
             // Deliberately wrong: rays from somewhere else must not give the same bits.
@@ -219,8 +219,7 @@ fn bits_are_those_of_rays() {
             run(face, &bvh, &wrong, window, &all, &mut elsewhere);
             for y in 0..32 {
                 for x in 0..32 {
-                    let direction =
-                        DVec3::from(FACES[face].direction(window.column(x), window.row(y)));
+                    let direction = DVec3::from(basis.direction(window.column(x), window.row(y)));
                     let length = direction.length();
                     let (mut hit, mut margin) = (false, f64::INFINITY);
                     for triangle in &bvh.triangles {

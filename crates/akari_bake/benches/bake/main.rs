@@ -371,23 +371,38 @@ fn paper_rows(
         let trees = (thread_seconds() - start) / count;
         let leaves = fit.leaves as f64 / count;
         let texels = fit.texels as f64;
-        Row {
+        let row = Row {
             rays,
             trees,
             leaves,
             bytes: PAPER_BYTES_PER_LEAF * leaves,
             wrong: fit.misclassified as f64 / texels,
             absolute: fit.absolute_error / texels,
-        }
-        .print(&format!(
-            "paper{}{}, ε {tolerance}",
+        };
+        let name = format!(
+            "paper, {}{}, ε {tolerance:.4}",
             if patient {
-                ", 80 iterations"
+                "80 iterations"
             } else {
-                ", argmin's stop"
+                "argmin's stop"
             },
             if all { "" } else { ", horizon left out" },
-        ));
+        );
+        row.print(&name);
+        comparisons.push((name, row, ours[which]));
+    }
+    for (name, paper, ours) in comparisons {
+        println!(
+            "  against {name}: {:.0} times less time, {:.2} of the leaves, {:.2} of the bytes, {:.2} of the error",
+            (paper.rays + paper.trees) / (ours.rays + ours.trees),
+            ours.leaves / paper.leaves,
+            ours.bytes / paper.bytes,
+            if paper.absolute > 0.0 {
+                ours.absolute / paper.absolute
+            } else {
+                0.0
+            },
+        );
     }
     println!(
         "  the paper's rays and our bits differ in {differing} of {compared} texels above the horizon\n"

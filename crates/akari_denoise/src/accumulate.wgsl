@@ -86,6 +86,7 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
     var full_sum = 0.0;
     var support = 0.0;
     var own = 0.0;
+    var own_color = vec3(0.0);
     // The likest sample, for where no weight is left.
     var best_log = -1e30;
     var best = vec3(0.0);
@@ -114,7 +115,11 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
             support += full * combined_weight(lobe_log_weight(
                 guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA,
             ) + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane));
-            own = max(own, combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA)));
+            let owned = combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA));
+            if owned > own {
+                own = owned;
+                own_color = color;
+            }
             if log_weight > best_log {
                 best_log = log_weight;
                 best = color;
@@ -125,7 +130,8 @@ fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
     if weight_sum < 1e-6 {
         return Gathered(best, 0.0, own);
     }
-    return Gathered(sum / weight_sum, support / max(full_sum, 1e-6), own);
+    // A sample of the pixel's own needs no neighbours: their mean would only blur it.
+    return Gathered(mix(sum / weight_sum, own_color, own), support / max(full_sum, 1e-6), own);
 #else
     return Gathered(demodulated(pixel, pixel, guide), 1.0, 1.0);
 #endif

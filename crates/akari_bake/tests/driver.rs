@@ -160,6 +160,40 @@ fn a_bake_says_where_its_samples_are() {
 }
 
 #[test]
+fn large_faces_and_short_rays() {
+    let folder = tempfile::tempdir().unwrap();
+    let geometry = small();
+    let output = folder.path().join("a.akari");
+    let mut visible = Vec::new();
+    for (face_size, max_distance) in [(32, None), (128, None), (32, Some(0.3)), (32, Some(1e-3))] {
+        let options = Options {
+            face_size,
+            max_distance,
+            max_level: 0,
+            resume: false,
+            ..quick()
+        };
+        bake(&geometry, &options, &output, &NoProgress).unwrap();
+        let read = Bake::read(&output).unwrap();
+        // Straight up and aside, from everywhere.
+        let mut sum = 0.0;
+        for trees in &read.trees {
+            for k in 0..16 {
+                let (sin, cos) = (0.4 * k as f32).sin_cos();
+                let direction = glam::Vec3::new(cos, 0.1 + 0.1 * k as f32, sin);
+                sum += akari_visibility::query::visibility_at(&read.pool, trees, direction);
+            }
+        }
+        visible.push(sum / (16 * read.trees.len()) as f32);
+    }
+    let [all, large, near, nothing] = visible[..] else {
+        panic!("four bakes were made");
+    };
+    assert!((all - large).abs() < 0.02, "{visible:?}");
+    assert!(near > all + 0.005 && nothing > near + 0.05, "{visible:?}");
+}
+
+#[test]
 fn options_out_of_range_and_unwritable_places_are_refused() {
     let geometry = small();
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,9 @@ use crate::settings::{DefaultDenoise, Denoise};
 use akari_render::ledger::CollectCounters;
 use akari_render::prelude::*;
 use akari_render::signals::{MakesSignals, ResampleList};
-use bevy::core_pipeline::prepass::MotionVectorPrepass;
+use bevy::core_pipeline::prepass::{
+    BackgroundMotionVectorsBindGroup, BackgroundMotionVectorsPipelineId, MotionVectorPrepass,
+};
 use bevy::prelude::*;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
@@ -82,6 +84,28 @@ fn want_motion_vectors(
                 .entity(camera)
                 .remove::<(MotionVectorPrepass, MotionVectorsForDenoise)>();
         }
+    }
+}
+
+/// Lets go of what draws the background's motion vectors once a view has none any more.
+///
+/// Bevy 0.19 leaves it on the view when `MotionVectorPrepass` goes, and then draws with it into attachments that are
+/// gone: a validation error, which ends the app.
+pub(crate) fn drop_background_motion_vectors(
+    mut commands: Commands,
+    views: Query<
+        Entity,
+        (
+            With<BackgroundMotionVectorsPipelineId>,
+            Without<MotionVectorPrepass>,
+        ),
+    >,
+) {
+    for view in &views {
+        commands.entity(view).remove::<(
+            BackgroundMotionVectorsPipelineId,
+            BackgroundMotionVectorsBindGroup,
+        )>();
     }
 }
 

@@ -111,6 +111,7 @@ impl Plugin for DenoisePlugin {
                     (prepare::release_denoise, prepare::prepare_denoise_pipelines)
                         .chain()
                         .in_set(RenderSystems::Prepare),
+                    demand::drop_background_motion_vectors.in_set(RenderSystems::Prepare),
                     extract::prepare_input_signals.in_set(RenderSystems::PrepareResources),
                     (
                         prepare::prepare_denoise_targets,

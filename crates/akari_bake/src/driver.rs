@@ -24,8 +24,8 @@ use crate::options::{Options, Phase, Progress, Status};
 use crate::report::Report;
 use crate::sampling::SamplePoint;
 
-/// Triangles whose levels are one unit of work.
-const LEVEL_UNIT: usize = 256;
+/// Triangles whose levels are one unit of work: a room of 36 triangles is to keep all threads busy.
+const LEVEL_UNIT: usize = 4;
 /// Samples that are one unit of work.
 const SAMPLE_UNIT: usize = 64;
 /// Level of a triangle that another shard chooses.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use akari_visibility::bake::Bake;
 use akari_visibility::face::FACES as FACE_COUNT;
 use akari_visibility::grid::{grid_pieces, grid_sample_count};
-use akari_visibility::identity::Identity;
+use akari_visibility::identity::{BakeSettings, Identity};
 use akari_visibility::part::{Part, PartBuilder, Shard, merge};
 use akari_visibility::sites::Site;
 use akari_visibility::tree::{Tree, TreeBuilder};
@@ -24,8 +24,8 @@ use crate::options::{Options, Phase, Progress, Status};
 use crate::report::Report;
 use crate::sampling::SamplePoint;
 
-/// Triangles whose levels are one unit of work.
-const LEVEL_UNIT: usize = 256;
+/// Triangles whose levels are one unit of work: a room of 36 triangles is to keep all threads busy.
+const LEVEL_UNIT: usize = 4;
 /// Samples that are one unit of work.
 const SAMPLE_UNIT: usize = 64;
 /// Level of a triangle that another shard chooses.
@@ -36,8 +36,13 @@ const UNKNOWN: u8 = u8::MAX;
 pub fn identity(geometry: &Geometry<'_>, options: &Options) -> Identity {
     Identity {
         source: geometry.source(),
-        settings: options.settings().hash(),
+        settings: settings(geometry, options).hash(),
     }
+}
+
+/// The settings that the file states.
+fn settings(geometry: &Geometry<'_>, options: &Options) -> BakeSettings {
+    options.settings(geometry.enclosure())
 }
 
 /// Bakes `geometry` into the file `output`: a bake, or, if the options name a shard of several, a part for
@@ -162,7 +167,12 @@ fn bake_here(
     let units = job.samples(&levels, &sites, &mut report)?;
 
     let writing = Meter::new(progress, Phase::Writing, sites.len() as u64, 0);
-    let mut builder = PartBuilder::new(identity, options.settings(), options.shard, triangle_count);
+    let mut builder = PartBuilder::new(
+        identity,
+        settings(geometry, options),
+        options.shard,
+        triangle_count,
+    );
     // One part has to have them; the first is never missing.
     if options.shard.index == 1 {
         builder.topology(geometry.topology.clone());

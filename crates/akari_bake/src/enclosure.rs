@@ -1,5 +1,6 @@
 //! Triangles that have the whole scene in front of them.
 
+use akari_visibility::identity::EnclosureSettings;
 use glam::{DVec3, Vec3};
 
 use crate::bvh::Caster;
@@ -87,11 +88,31 @@ impl Enclosure {
             })
     }
 
-    /// Takes the enclosing triangles out.
-    pub(crate) fn remove(&self, casters: &mut Vec<Caster>) {
-        casters.retain(|c| match c.front {
-            Some(front) => self.has_point_behind(front, c.vertices[0]),
-            None => true,
+    /// Takes the enclosing triangles out, and tells which these were.
+    pub(crate) fn remove(&self, casters: &mut Vec<Caster>) -> EnclosureSettings {
+        let mut enclosure = EnclosureSettings::default();
+        let mut hasher = blake3::Hasher::new();
+        let mut index = 0_u32;
+        casters.retain(|c| {
+            let stays = match c.front {
+                Some(front) => self.has_point_behind(front, c.vertices[0]),
+                None => true,
+            };
+            if !stays {
+                enclosure.triangles += 1;
+                hasher.update(&index.to_le_bytes());
+            }
+            index += 1;
+            stays
         });
+        if enclosure.triangles > 0 {
+            let hash = hasher.finalize();
+            let (word, _) = hash
+                .as_bytes()
+                .split_first_chunk()
+                .unwrap_or((&[0; 8], &[]));
+            enclosure.digest = u64::from_le_bytes(*word);
+        }
+        enclosure
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | bytes | of the header |
 //! |---|---|
-//! | 16 | `akari-journal 1\n` |
+//! | 16 | `akari-journal 2\n` |
 //! | 64 | identity of scene and settings |
 //! | 16 | shard index, shard count, triangles, 0 |
 //!
@@ -28,7 +28,7 @@ use akari_visibility::part::Shard;
 
 use crate::Error;
 
-const MAGIC: &[u8; 16] = b"akari-journal 1\n";
+const MAGIC: &[u8; 16] = b"akari-journal 2\n";
 const HEADER: usize = 96;
 const RECORD_HEADER: usize = 32;
 /// Longest content: units are far below it, and a damaged length must not be allocated.

@@ -12,8 +12,9 @@
 //! | file | units of work in a journal, put together at the end | `driver`, `journal` |
 //!
 //! # What counts
-//! - Surfaces cast with both sides. Alpha MASK is looked up for every ray; BLEND casts from a coverage of ½ on.
-//! - Area lights neither cast nor receive: they move. Lights may be anywhere, so visibility is that of directions: what
+//! - Which primitives of a scene cast and receive, in which order, and what identifies them: [`layout`]. Surfaces cast
+//!   with both sides; area lights neither cast nor receive: they move.
+//! - Lights may be anywhere, so visibility is that of directions: what
 //!   lies behind a light hides it like what lies before it. What *encloses* the scene is therefore left out
 //!   ([`GeometryOptions::enclosure_casts`]), and [`Options::max_distance`] bounds the rest.
 //! - Directions below the horizon of all triangles that share a sample do not matter: no ray is spent on them, and no
@@ -49,6 +50,7 @@ mod error;
 pub mod fit;
 mod geometry;
 mod journal;
+pub mod layout;
 mod levels;
 mod line;
 mod mask;
@@ -63,8 +65,9 @@ mod weld;
 
 pub use driver::{bake, identity};
 pub use error::Error;
-pub use geometry::{Geometry, GeometryOptions, MeshInput, Roles};
+pub use geometry::{Geometry, GeometryOptions, MeshInput};
 pub use journal::journal_path;
+pub use layout::{Roles, SceneLayout};
 pub use mask::FaceMask;
 pub use options::{ALGORITHM, FACE_SIZES, NoProgress, Options, Phase, Progress, Status};
 pub use report::Report;

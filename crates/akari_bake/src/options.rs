@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use akari_visibility::identity::BakeSettings;
+use akari_visibility::identity::{BakeSettings, EnclosureSettings};
 use akari_visibility::part::Shard;
 
 use crate::Error;
@@ -57,9 +57,9 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The part of the options that the file states.
+    /// The part of the options that the file states, for a scene of which this enclosure is left out.
     #[must_use]
-    pub fn settings(&self) -> BakeSettings {
+    pub fn settings(&self, enclosure: EnclosureSettings) -> BakeSettings {
         BakeSettings {
             algorithm: ALGORITHM,
             face_size: self.face_size,
@@ -68,6 +68,7 @@ impl Options {
             max_level: self.max_level,
             max_depth: self.max_depth,
             max_distance: self.max_distance,
+            enclosure,
         }
     }
 

@@ -148,7 +148,7 @@ fn a_bake_says_where_its_samples_are() {
     let output = folder.path().join("a.akari");
     bake(&geometry, &quick(), &output, &NoProgress).unwrap();
     let read = Bake::read(&output).unwrap();
-    assert_eq!(read.settings, quick().settings());
+    assert_eq!(read.settings, quick().settings(geometry.enclosure()));
     assert_eq!(read.identity, akari_bake::identity(&geometry, &quick()));
     assert_eq!(read.instances.len(), 2);
     assert_eq!(read.positions.len(), read.trees.len());

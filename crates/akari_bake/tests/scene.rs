@@ -115,7 +115,15 @@ fn a_room_does_not_hide_its_lights() {
     );
     assert_eq!(closed.caster_count(), 14);
     assert!(counts(&closed, 0).iter().all(|c| c.1 == 0));
-    assert_ne!(closed.source(), geometry.source());
+    // The same scene, and another bake.
+    assert_eq!(closed.source(), geometry.source());
+    assert_eq!(geometry.enclosure().triangles, 12);
+    assert_eq!(closed.enclosure(), Default::default());
+    let options = akari_bake::Options::default();
+    assert_ne!(
+        akari_bake::identity(&closed, &options).settings,
+        akari_bake::identity(&geometry, &options).settings
+    );
 
     // What the caller says counts.
     let without_table = Geometry::from_scene(&scene, GeometryOptions::default(), |i, _, roles| {

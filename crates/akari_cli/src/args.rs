@@ -51,6 +51,16 @@ pub enum Command {
         after_help = "Example:\n  akari render assets/scenes/gallery.glb --size 1280x720 --out gallery.png"
     )]
     Render(RenderArgs),
+    /// Bake what each point of a static scene sees: soft shadows of any area light, without rays
+    #[command(
+        after_help = "Examples:\n  akari bake assets/scenes/cornell.glb --out cornell.akari\n  akari bake hall.glb --shard 3/8 --out hall-3.akari"
+    )]
+    Bake(BakeArgs),
+    /// Join the parts of a sharded bake
+    #[command(
+        after_help = "Example:\n  akari merge hall-1.akari hall-2.akari hall-3.akari --out hall.akari"
+    )]
+    Merge(MergeArgs),
     /// Ground truth by the CPU path tracer
     #[command(
         after_help = "Example:\n  akari reference assets/scenes/gallery.glb --size 256x144 --spp 256 --max-depth 2 --out ref.exr"
@@ -64,9 +74,9 @@ pub enum Command {
         after_help = "Example:\n  akari denoise noisy.exr --normal normal.exr --position position.exr --roughness roughness.exr \\\n    --albedo albedo.exr --camera-position 0,1.5,4 --out clean.exr"
     )]
     Denoise(DenoiseArgs),
-    /// What is in a scene, and which effects it calls for and why
+    /// What is in a scene or a bake, and which effects a scene calls for and why
     #[command(
-        after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect --settings"
+        after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect cornell.akari --scene assets/scenes/cornell.glb\n  akari inspect --settings"
     )]
     Inspect(InspectArgs),
     /// Which GPU adapters are there, and what works on them
@@ -210,6 +220,95 @@ pub struct RenderArgs {
     /// Draw rectangular lights by Bevy's own LTC pass instead, for comparison
     #[arg(long, hide = true)]
     pub bevy_rect_lights: bool,
+}
+
+/// Which part of how many, as 3/8.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ShardArg {
+    /// From 1 to `count`.
+    pub index: u32,
+    /// How many parts.
+    pub count: u32,
+}
+
+impl FromStr for ShardArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        text.split_once('/')
+            .and_then(|(index, count)| {
+                Some(Self {
+                    index: index.trim().parse().ok()?,
+                    count: count.trim().parse().ok()?,
+                })
+            })
+            .filter(|shard| (1..=shard.count).contains(&shard.index))
+            .ok_or_else(|| format!("'{text}' is no part; write I/N, as 3/8, from 1/N to N/N"))
+    }
+}
+
+/// What is baked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum WhatArg {
+    /// What hides area lights
+    Visibility,
+    /// How light from the environment arrives
+    Environment,
+}
+
+/// Arguments of `bake`.
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// The scene, .glb or .gltf
+    pub scene: PathBuf,
+    /// The bake, or the part of it
+    #[arg(long, value_name = "FILE.akari")]
+    pub out: PathBuf,
+    /// What to bake
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "visibility")]
+    pub what: Vec<WhatArg>,
+    /// Texels along the side of a sample's cube face: 32, 64, 128 or 256. 64 serves lights wider than about 10 degrees
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub face_size: u32,
+    /// Texels that a leaf may have wrong, as a share of a face's texels, 0 to 0.5
+    #[arg(long, value_name = "E", default_value_t = 0.0005)]
+    pub tolerance: f32,
+    /// Error of the shadow between samples at which a triangle's grid is fine enough, above 0, up to 1
+    #[arg(long, value_name = "E", default_value_t = 0.02)]
+    pub shadow_tolerance: f32,
+    /// Finest sample grid of a triangle: its edges are cut into up to 2^L pieces; 0 samples vertices only
+    #[arg(long, value_name = "L", default_value_t = 7)]
+    pub max_level: u32,
+    /// Surfaces farther away than this cast no shadow, metres
+    #[arg(long, value_name = "M")]
+    pub max_distance: Option<f32>,
+    /// Threads; as many as the machine has if absent. The file is the same whatever their number
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+    /// Bake one part of N, for `akari merge`; the merged file is the same whatever N
+    #[arg(long, value_name = "I/N", default_value = "1/1")]
+    pub shard: ShardArg,
+    /// Go on where an interrupted bake of the same scene and settings stopped, and keep a finished one
+    #[arg(long, value_name = "true|false", num_args = 0..=1, require_equals = true,
+        default_value_t = true, default_missing_value = "true", action = clap::ArgAction::Set)]
+    pub resume: bool,
+    /// Let walls and floors that have the whole scene in front of them cast, too: for lights beyond them only
+    #[arg(long)]
+    pub enclosure_casts: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// All parts of one bake, in any order
+    #[arg(required = true, value_name = "PART")]
+    pub parts: Vec<PathBuf>,
+    /// The bake
+    #[arg(long, value_name = "FILE.akari")]
+    pub out: PathBuf,
 }
 
 /// Arguments of `reference`.
@@ -356,9 +455,12 @@ fn parse_point(text: &str) -> Result<[f32; 3], String> {
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArgs {
-    /// A scene, .glb or .gltf
+    /// A scene, .glb or .gltf; or a bake or a part of one, .akari
     #[arg(required_unless_present = "settings")]
     pub file: Option<PathBuf>,
+    /// Refuse a bake that is not of this scene as it is now
+    #[arg(long, value_name = "SCENE", requires = "file")]
+    pub scene: Option<PathBuf>,
     /// Print the default settings as a RON document, with their units and ranges
     #[arg(long)]
     pub settings: bool,
@@ -401,5 +503,33 @@ mod tests {
         for wrong in ["a.b", "a=1", "a.b=x", ""] {
             assert!(wrong.parse::<Setting>().is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn shards_parse() {
+        assert_eq!("3/8".parse(), Ok(ShardArg { index: 3, count: 8 }));
+        assert_eq!("1/1".parse(), Ok(ShardArg { index: 1, count: 1 }));
+        for wrong in ["", "3", "0/8", "9/8", "0/0", "-1/8", "1/2/3", "a/b", "1/"] {
+            assert!(wrong.parse::<ShardArg>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_defaults_of_a_bake_are_those_of_the_library() {
+        let library = akari_bake::Options::default();
+        let arguments = ["akari", "bake", "a.glb", "--out", "a.akari"];
+        let cli = Cli::try_parse_from(arguments).expect("valid");
+        let Command::Bake(bake) = cli.command else {
+            panic!("another command");
+        };
+        assert_eq!(crate::bake::options(&bake), library);
+        let more = ["--resume=false", "--shard", "2/3", "--threads", "4"];
+        let cli = Cli::try_parse_from(arguments.iter().chain(&more)).expect("valid");
+        let Command::Bake(bake) = cli.command else {
+            panic!("another command");
+        };
+        let options = crate::bake::options(&bake);
+        assert_eq!((options.resume, options.threads), (false, Some(4)));
+        assert_eq!((options.shard.index, options.shard.count), (2, 3));
     }
 }

@@ -22,6 +22,16 @@ pub fn print_result(text: &str) -> Result<(), CliError> {
     }
 }
 
+/// Prints a result as JSON.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn print_json(document: &serde_json::Value) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(document)
+        .map_err(|error| CliError::other(error.to_string()))?;
+    print_result(&text)
+}
+
 /// Prints a warning to standard error unless asked to be quiet.
 pub fn warn(common: &Common, text: &str) {
     if !common.quiet {

@@ -1,7 +1,8 @@
-//! `akari inspect`: what is in a scene, and which effects it calls for.
+//! `akari inspect`: what is in a scene, and which effects it calls for; what is in a bake.
 
 use crate::args::{Common, InspectArgs};
-use crate::console::print_result;
+use crate::bake_file;
+use crate::console::{print_json, print_result};
 use crate::error::CliError;
 use crate::load::load_scene;
 use akari_scene::{Scene, light_polygons};
@@ -21,14 +22,24 @@ pub fn run(args: &InspectArgs, common: &Common) -> Result<(), CliError> {
     let Some(path) = &args.file else {
         return Ok(());
     };
-    let scene = load_scene(path, common)?;
-    let document = describe(&scene);
-    if args.json {
-        let text = serde_json::to_string_pretty(&document)
-            .map_err(|error| CliError::other(error.to_string()))?;
-        print_result(&text)
+    let (document, description) = if bake_file::is_meant(path) {
+        let document = bake_file::describe(path, args.scene.as_deref(), common)?;
+        let description = bake_file::description(&document);
+        (document, description)
+    } else if args.scene.is_some() {
+        return Err(CliError::usage(format!(
+            "--scene: {} is a scene; only a bake is of one",
+            path.display()
+        )));
     } else {
-        print_result(&description(&document))
+        let document = describe(&load_scene(path, common)?);
+        let description = description(&document);
+        (document, description)
+    };
+    if args.json {
+        print_json(&document)
+    } else {
+        print_result(&description)
     }
 }
 
@@ -192,7 +203,7 @@ fn description(document: &serde_json::Value) -> String {
 }
 
 /// A list in parentheses, cut where it gets long.
-fn shorten(names: &[&str]) -> String {
+pub fn shorten(names: &[&str]) -> String {
     const SHOWN: usize = 8;
     match names.len() {
         0 => String::new(),

@@ -1,6 +1,8 @@
-//! The akari command line: render, reference, compare, denoise, inspect, doctor.
+//! The akari command line: render, bake, merge, reference, compare, denoise, inspect, doctor.
 
 mod args;
+mod bake;
+mod bake_file;
 mod buffers;
 mod compare;
 mod console;
@@ -9,6 +11,7 @@ mod doctor;
 mod error;
 mod inspect;
 mod load;
+mod merge;
 mod progress;
 mod reference;
 mod render;
@@ -27,6 +30,8 @@ fn main() -> ExitCode {
     let common = &cli.common;
     let run = || match &cli.command {
         Command::Render(args) => render::run(args, common),
+        Command::Bake(args) => bake::run(args, common),
+        Command::Merge(args) => merge::run(args, common),
         Command::Reference(args) => reference::run(args, common),
         Command::Compare(args) => compare::run(args),
         Command::Denoise(args) => denoise::run(args, common),

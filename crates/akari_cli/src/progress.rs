@@ -2,11 +2,11 @@
 
 use crate::args::{Common, ProgressMode};
 use crate::error::CliError;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Held while a file is written through a temporary one.
@@ -62,6 +62,15 @@ pub struct Reporter {
 impl Reporter {
     /// Progress of `what` ("reference").
     pub fn new(what: &'static str, common: &Common) -> Self {
+        Self::styled(what, "{prefix} {bar:40} {percent:>3} %  {eta} left", common)
+    }
+
+    /// Progress of `what` for [`Reporter::show_phase`].
+    pub fn with_phases(what: &'static str, common: &Common) -> Self {
+        Self::styled(what, "{prefix:14} {bar:40} {percent:>3} %  {msg}", common)
+    }
+
+    fn styled(what: &'static str, template: &str, common: &Common) -> Self {
         let mode = if common.quiet {
             ProgressMode::None
         } else {
@@ -73,9 +82,8 @@ impl Reporter {
             ProgressMode::Json | ProgressMode::None => false,
         };
         let bar = bar.then(|| {
-            let style =
-                ProgressStyle::with_template("{prefix} {bar:40} {percent:>3} %  {eta} left")
-                    .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let style = ProgressStyle::with_template(template)
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(0).with_style(style).with_prefix(what)
         });
         Self {
@@ -93,6 +101,33 @@ impl Reporter {
             bar.set_length(total);
             bar.set_position(done);
         }
+        self.line(
+            done,
+            total,
+            || serde_json::json!({ "task": self.what, "done": done, "total": total }),
+        );
+    }
+
+    /// Shows `done` of `total` of one phase of the work, and how long the rest of the phase will take.
+    pub fn show_phase(&self, phase: &str, done: u64, total: u64, left: Option<Duration>) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(total);
+            bar.set_position(done);
+            bar.set_prefix(format!("{} {phase}", self.what));
+            let left =
+                left.map_or_else(String::new, |left| format!("{} left", HumanDuration(left)));
+            bar.set_message(left);
+        }
+        self.line(done, total, || {
+            serde_json::json!({
+                "task": self.what, "phase": phase, "done": done, "total": total,
+                "seconds_left": left.map(|left| left.as_secs_f64()),
+            })
+        });
+    }
+
+    /// Prints a JSON line, if it is time for one.
+    fn line(&self, done: u64, total: u64, content: impl FnOnce() -> serde_json::Value) {
         if self.json {
             /// Between two lines, unless it is the last one.
             const INTERVAL_MS: u64 = 500;
@@ -105,9 +140,8 @@ impl Reporter {
                     .compare_exchange(last, now, Ordering::Relaxed, Ordering::Relaxed)
                     .is_ok()
             {
-                let line = serde_json::json!({
-                    "task": self.what, "done": done, "total": total, "seconds": now as f64 / 1e3,
-                });
+                let mut line = content();
+                line["seconds"] = (now as f64 / 1e3).into();
                 crate::console::print_note(&line.to_string());
             }
         }
@@ -118,6 +152,21 @@ impl Reporter {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+impl akari_bake::Progress for Reporter {
+    fn update(&self, status: &akari_bake::Status) {
+        let phase = match status.phase {
+            akari_bake::Phase::Levels => "levels",
+            akari_bake::Phase::Samples => "samples",
+            akari_bake::Phase::Writing => "writing",
+        };
+        self.show_phase(phase, status.done, status.total, status.left);
+    }
+
+    fn cancelled(&self) -> bool {
+        interrupted()
     }
 }
 

@@ -130,7 +130,7 @@ impl Stats {
 }
 
 /// Largest resident memory of this process, where the system tells.
-fn peak_memory_bytes() -> Option<u64> {
+pub fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
         .lines()

@@ -14,7 +14,7 @@
 use crate::container::{ChunkName, Container, ContainerWriter, FileError, Kind};
 use crate::face::FACES;
 use crate::grid::{MAX_LEVEL, grid_triangle};
-use crate::identity::{BakeSettings, Identity};
+use crate::identity::{BakeSettings, Hash, Identity};
 use crate::pool::TreePool;
 use crate::records::{
     INFO, INSTANCE_CHUNKS, io_error, read_info, read_instances, write_info, write_instances,
@@ -187,6 +187,29 @@ impl Bake {
         Err(FileError::Stale {
             path: path.to_owned(),
             reason,
+        })
+    }
+
+    /// Refuses a bake of another scene, whatever its settings, and tells the first mesh that differs if it is a receiver.
+    ///
+    /// `source` and `instances` are the scene's: with them, a renderer knows that triangle `t` of the bake is triangle
+    /// `t` of the scene.
+    pub fn check_scene(
+        &self,
+        path: &Path,
+        source: Hash,
+        instances: &[Instance],
+    ) -> Result<(), FileError> {
+        if self.identity.source == source {
+            return Ok(());
+        }
+        self.check_instances(path, instances)?;
+        Err(FileError::Stale {
+            path: path.to_owned(),
+            reason: format!(
+                "a mesh that casts shadows, or where one is cut out, has changed since: it is of {}, the scene is {source}",
+                self.identity.source
+            ),
         })
     }
 

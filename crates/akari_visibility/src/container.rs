@@ -53,6 +53,12 @@ const MAX_CHUNKS: usize = 64;
 const CODEC_PLAIN: u32 = 0;
 const CODEC_ZSTD: u32 = 1;
 
+/// Whether a file that begins so is of this format, of whatever version and in whatever state.
+#[must_use]
+pub fn has_magic(bytes: &[u8]) -> bool {
+    bytes.starts_with(&MAGIC)
+}
+
 /// What a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {

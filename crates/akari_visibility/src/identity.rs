@@ -88,6 +88,18 @@ impl FieldHasher {
     }
 }
 
+/// Casters that were left out since they have the whole scene in front of them, as walls of a room and the ground have.
+///
+/// Where the lights were during the bake has a say in it; they are not part of the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnclosureSettings {
+    /// How many triangles.
+    pub triangles: u32,
+    /// Hash of which; 0 of none.
+    pub digest: u64,
+}
+
 /// What decides the result of a bake, apart from the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -106,6 +118,8 @@ pub struct BakeSettings {
     pub max_depth: u32,
     /// Occluders further away than this (metres) cast no shadow; infinity: `None`.
     pub max_distance: Option<f32>,
+    /// Casters that were left out.
+    pub enclosure: EnclosureSettings,
 }
 
 impl BakeSettings {
@@ -122,9 +136,11 @@ impl BakeSettings {
             self.max_depth,
             u32::from(self.max_distance.is_some()),
             self.max_distance.map_or(0, f32::to_bits),
+            self.enclosure.triangles,
         ] {
             hasher.field(&number.to_le_bytes());
         }
+        hasher.field(&self.enclosure.digest.to_le_bytes());
         hasher.finish()
     }
 }
@@ -151,13 +167,14 @@ mod tests {
             max_level: 6,
             max_depth: 24,
             max_distance: None,
+            enclosure: EnclosureSettings::default(),
         }
     }
 
     #[test]
     fn every_setting_counts() {
         let hash = settings().hash();
-        let changes: [fn(&mut BakeSettings); 8] = [
+        let changes: [fn(&mut BakeSettings); 10] = [
             |s| s.algorithm += 1,
             |s| s.face_size += 1,
             |s| s.leaf_tolerance += 1e-6,
@@ -166,6 +183,8 @@ mod tests {
             |s| s.max_depth += 1,
             |s| s.max_distance = Some(0.0),
             |s| s.max_distance = Some(f32::from_bits(u32::MAX)),
+            |s| s.enclosure.triangles += 1,
+            |s| s.enclosure.digest += 1,
         ];
         let mut hashes: Vec<Hash> = changes
             .iter()

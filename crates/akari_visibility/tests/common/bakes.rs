@@ -3,7 +3,9 @@
 #![allow(dead_code, reason = "each test binary uses a part of this")]
 
 use super::common::{Leaves, Random, random_tree};
-use akari_visibility::identity::{BakeSettings, Hash, Identity, SourceHasher, mesh_hash};
+use akari_visibility::identity::{
+    BakeSettings, EnclosureSettings, Hash, Identity, SourceHasher, mesh_hash,
+};
 use akari_visibility::part::{Part, PartBuilder, Shard};
 use akari_visibility::sites::{Instance, SampleGrid, Site, Topology};
 use akari_visibility::tree::Tree;
@@ -18,6 +20,10 @@ pub fn settings() -> BakeSettings {
         max_level: 6,
         max_depth: 24,
         max_distance: Some(12.5),
+        enclosure: EnclosureSettings {
+            triangles: 3,
+            digest: u64::MAX,
+        },
     }
 }
 

@@ -37,12 +37,14 @@ pub struct Rule {
 
 const EVERY_LIBRARY: &[&str] = &[
     "akari_area_light",
+    "akari_bake",
     "akari_denoise",
     "akari_lobes",
     "akari_math",
     "akari_reference",
     "akari_render",
     "akari_scene",
+    "akari_visibility",
     "bevy_akari",
 ];
 /// For tests only; nothing that is published may need them.

@@ -4,6 +4,7 @@ mod bad_scenes;
 mod bake;
 mod buffers;
 mod compare;
+mod denoise;
 mod gltf;
 mod interrupt;
 mod outputs;

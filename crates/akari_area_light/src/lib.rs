@@ -14,7 +14,9 @@
 //! [`AkariCamera`](akari_render::camera::AkariCamera): no pass, no memory, no pipeline. Otherwise one compute pass over
 //! screen tiles, and one full-screen pass whose cost grows with the lights that reach a tile.
 //!
-//! **Limits**: no shadows by itself. Materials that are drawn forward (transparent ones) keep Bevy's lighting: up to
+//! **Shadows**: from baked visibility, [`shadows`].
+//!
+//! **Limits**: materials that are drawn forward (transparent ones) keep Bevy's lighting: up to
 //! eight rectangular lights, without images.
 
 use akari_render::ensure_render_plugin;
@@ -35,6 +37,7 @@ pub mod pass;
 pub mod pipeline;
 pub mod prepare;
 pub mod settings;
+pub mod shadows;
 pub mod types;
 
 /// Name of the effect in reports, statistics and on the command line.
@@ -46,6 +49,8 @@ pub mod prelude {
     pub use crate::emissive::{EmissiveMeshLight, EmissiveMeshLightsPlugin, NoAreaLight};
     pub use crate::light::{AreaLightTexture, PolygonLight};
     pub use crate::settings::{AreaLighting, DefaultAreaLighting};
+    pub use crate::shadows::asset::{BakedVisibility, VisibilityBake};
+    pub use crate::shadows::settings::{AreaShadows, DefaultAreaShadows};
 }
 
 /// Draws area lights on cameras that ask for it.
@@ -61,6 +66,7 @@ impl Plugin for AreaLightPlugin {
             .register_type::<settings::DefaultAreaLighting>()
             .init_resource::<settings::DefaultAreaLighting>();
         demand::build(app);
+        shadows::build(app);
         if app.get_sub_app(RenderApp).is_none() {
             return;
         }

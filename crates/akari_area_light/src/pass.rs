@@ -2,6 +2,7 @@
 
 use crate::pipeline::{AreaLightPipelines, CULL_LABEL, SHADE_LABEL};
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
+use crate::shadows::prepare::ViewReceivers;
 use akari_render::capture::ViewCapture;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
@@ -55,12 +56,13 @@ pub fn area_light_shade(
         &ViewUniformOffset,
         &ViewTarget,
         &ExtractedCamera,
+        Option<&ViewReceivers>,
     )>,
     cache: Res<PipelineCache>,
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
 ) {
-    let (lights, ready, view_offset, target, camera) = view.into_inner();
+    let (lights, ready, view_offset, target, camera, receivers) = view.into_inner();
     let (true, Some(group)) = (ready.0, &lights.shade_group) else {
         return;
     };
@@ -80,6 +82,9 @@ pub fn area_light_shade(
     }
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
+    if let Some(shadows) = receivers.and_then(|receivers| receivers.shade_group.as_ref()) {
+        pass.set_bind_group(1, shadows, &[]);
+    }
     pass.draw(0..3, 0..1);
     span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);
@@ -92,11 +97,12 @@ pub fn area_light_capture(
         &AreaLightsReady,
         &ViewUniformOffset,
         &ViewCapture,
+        Option<&ViewReceivers>,
     )>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (lights, ready, view_offset, capture) = view.into_inner();
+    let (lights, ready, view_offset, capture, receivers) = view.into_inner();
     let (true, Some(group), Some(target)) = (ready.0, &lights.shade_group, capture.direct()) else {
         return;
     };
@@ -121,5 +127,8 @@ pub fn area_light_capture(
     });
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
+    if let Some(shadows) = receivers.and_then(|receivers| receivers.shade_group.as_ref()) {
+        pass.set_bind_group(1, shadows, &[]);
+    }
     pass.draw(0..3, 0..1);
 }

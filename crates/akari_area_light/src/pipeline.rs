@@ -1,5 +1,6 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
+use crate::shadows::pipeline::shade_shadow_layout;
 use crate::types::{GpuAreaLight, GpuAreaLightView};
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
@@ -177,6 +178,8 @@ pub struct ShadeKey {
     pub target_format: TextureFormat,
     /// Whether any light has an image.
     pub textured: bool,
+    /// Whether there is baked visibility.
+    pub shadows: bool,
     /// Whether the light is added to what the target holds; not so for 32-bit float, which few GPUs can blend.
     pub blend: bool,
 }
@@ -190,14 +193,19 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let (layout, shader_defs) = if key.textured {
-            (&self.shade_textured_layout, vec!["TEXTURED".into()])
-        } else {
-            (&self.shade_layout, vec![])
-        };
+        let mut layout = vec![self.shade_layout.clone()];
+        let mut shader_defs = Vec::new();
+        if key.textured {
+            layout = vec![self.shade_textured_layout.clone()];
+            shader_defs.push("TEXTURED".into());
+        }
+        if key.shadows {
+            layout.push(shade_shadow_layout());
+            shader_defs.push("SHADOWS".into());
+        }
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),
-            layout: vec![layout.clone()],
+            layout,
             vertex: self.vertex.clone(),
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),

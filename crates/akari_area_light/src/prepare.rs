@@ -2,11 +2,14 @@
 
 use crate::EFFECT;
 use crate::extract::{ExtractedAreaLights, ViewAreaLighting};
-use crate::gpu_lights::build_light_arrays;
+use crate::gpu_lights::{LightArrays, build_light_arrays};
 use crate::images::LightImages;
 use crate::pipeline::{
     AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights, ltc_table_bytes,
 };
+use crate::shadows::extract::ViewAreaShadows;
+use crate::shadows::pipeline::ShadowPipelines;
+use crate::shadows::prepare::ViewReceivers;
 use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
 use akari_render::capture::{DIRECT_FORMAT, ViewCapture};
 use akari_render::prelude::*;
@@ -27,9 +30,12 @@ use bevy::render::view::{ExtractedView, ViewUniforms};
 pub struct LightBuffers {
     /// Of [`ExtractedAreaLights`] and [`LightImages`]: stale if either has moved on.
     versions: (u64, u64),
-    lights: Buffer,
-    vertices: Buffer,
-    count: u32,
+    /// [`GpuAreaLight`]s.
+    pub lights: Buffer,
+    /// Their corners.
+    pub vertices: Buffer,
+    /// What the two hold; one zeroed light stands for none.
+    pub arrays: LightArrays,
 }
 
 /// Everything that the effect keeps between frames. The resource exists only while a view needs it.
@@ -37,6 +43,13 @@ pub struct LightBuffers {
 pub struct AreaLightBuffers {
     by_cells: HashMap<u32, LightBuffers>,
     bevy_without_rect_lights: HashMap<MeshPipelineKey, CachedRenderPipelineId>,
+}
+
+impl AreaLightBuffers {
+    /// The lights of a setting of `texture_cells`.
+    pub fn of_cells(&self, cells: u32) -> Option<&LightBuffers> {
+        self.by_cells.get(&cells)
+    }
 }
 
 /// What the passes of one view read and write.
@@ -59,6 +72,13 @@ pub struct ViewAreaLights {
     pub shade_group: Option<BindGroup>,
     textured: bool,
     texture_cells: u32,
+}
+
+impl ViewAreaLights {
+    /// The view's setting of `texture_cells`, by which it finds its lights.
+    pub fn texture_cells(&self) -> u32 {
+        self.texture_cells
+    }
 }
 
 /// What the sizes of a view's buffers depend on.
@@ -120,6 +140,7 @@ pub fn prepare_area_lights(
         &ViewAreaLighting,
         Option<&PbrDeferredLightingDepthId>,
         Has<ViewCapture>,
+        Has<ViewAreaShadows>,
         Option<&mut ViewAreaLights>,
     )>,
     extracted: Res<ExtractedAreaLights>,
@@ -139,7 +160,7 @@ pub fn prepare_area_lights(
     };
     let images = images.as_deref();
     let versions = (extracted.version, images.map_or(0, |images| images.version));
-    for (entity, view, lighting, pass_id, captured, existing) in views {
+    for (entity, view, lighting, pass_id, captured, shadows, existing) in views {
         let settings = &lighting.settings;
         let cells = settings.texture_cells.clamp(1, 8);
         let light_buffers = buffers
@@ -150,13 +171,12 @@ pub fn prepare_area_lights(
             let arrays = build_light_arrays(&extracted.lights, cells, |light| {
                 images?.layer_of(extracted.lights[light].entity)
             });
-            *light_buffers =
-                LightBuffers::upload(&device, versions, &arrays.lights, &arrays.vertices);
+            *light_buffers = LightBuffers::upload(&device, versions, arrays);
             let bytes = light_buffers.lights.size() + light_buffers.vertices.size();
             ledger.set_bytes(EFFECT, format!("lights, {cells} cells"), bytes);
         }
 
-        let count = light_buffers.count;
+        let count = light_buffers.arrays.lights.len() as u32;
         let tiles = view.viewport.zw().map(|pixels| pixels.div_ceil(TILE_SIZE));
         let shape = ViewShape {
             tiles,
@@ -169,6 +189,7 @@ pub fn prepare_area_lights(
             ShadeKey {
                 target_format: view.target_format,
                 textured,
+                shadows,
                 blend: true,
             },
         );
@@ -179,6 +200,7 @@ pub fn prepare_area_lights(
                 ShadeKey {
                     target_format: DIRECT_FORMAT,
                     textured,
+                    shadows,
                     blend: false,
                 },
             )
@@ -252,21 +274,17 @@ pub fn prepare_area_lights(
 
 impl LightBuffers {
     fn empty(device: &RenderDevice) -> Self {
-        Self::upload(device, (u64::MAX, u64::MAX), &[], &[])
+        Self::upload(device, (u64::MAX, u64::MAX), LightArrays::default())
     }
 
-    fn upload(
-        device: &RenderDevice,
-        versions: (u64, u64),
-        lights: &[GpuAreaLight],
-        vertices: &[Vec4],
-    ) -> Self {
+    fn upload(device: &RenderDevice, versions: (u64, u64), arrays: LightArrays) -> Self {
+        let LightArrays { lights, vertices } = &arrays;
         // A binding cannot be empty: without lights one zeroed element stands there, and the count is 0.
         let mut light_bytes = encase::StorageBuffer::new(Vec::new());
         let padded = if lights.is_empty() {
             vec![GpuAreaLight::default()]
         } else {
-            lights.to_vec()
+            lights.clone()
         };
         if let Err(error) = light_bytes.write(&padded) {
             error!("area lights: the lights could not be written: {error}");
@@ -274,7 +292,7 @@ impl LightBuffers {
         let padded = if vertices.is_empty() {
             vec![Vec4::ZERO]
         } else {
-            vertices.to_vec()
+            vertices.clone()
         };
         let storage = |label, contents: &[u8]| {
             device.create_buffer_with_data(&BufferInitDescriptor {
@@ -287,7 +305,7 @@ impl LightBuffers {
             versions,
             lights: storage("akari_area_lights", light_bytes.as_ref()),
             vertices: storage("akari_area_light_vertices", bytemuck::cast_slice(&padded)),
-            count: lights.len() as u32,
+            arrays,
         }
     }
 }
@@ -379,7 +397,17 @@ pub fn prepare_area_light_bind_groups(
 /// shines twice. Nothing is replaced before our own pipelines are ready, so that no light is missing meanwhile.
 pub fn replace_deferred_lighting(
     mut commands: Commands,
-    views: Query<(Entity, &ExtractedView, &ViewAreaLights), With<DeferredLightingPipeline>>,
+    views: Query<
+        (
+            Entity,
+            &ExtractedView,
+            &ViewAreaLights,
+            Has<ViewAreaShadows>,
+            Option<&ViewReceivers>,
+        ),
+        With<DeferredLightingPipeline>,
+    >,
+    shadow_pipelines: Option<Res<ShadowPipelines>>,
     extracted: Res<ExtractedAreaLights>,
     keys: Res<ViewKeyCache>,
     bevy_layout: Option<Res<DeferredLightingLayout>>,
@@ -391,8 +419,14 @@ pub fn replace_deferred_lighting(
     else {
         return;
     };
-    for (entity, extracted_view, view) in &views {
-        let ours_ready = cache.get_compute_pipeline(pipelines.cull).is_some()
+    for (entity, extracted_view, view, shadows, receivers) in &views {
+        let shadows_ready = !shadows
+            || shadow_pipelines
+                .as_ref()
+                .is_some_and(|pipelines| pipelines.are_ready(&cache))
+                && receivers.is_some_and(|receivers| receivers.shade_group.is_some());
+        let ours_ready = shadows_ready
+            && cache.get_compute_pipeline(pipelines.cull).is_some()
             && cache.get_render_pipeline(view.shade).is_some();
         if !extracted.any_rect_light {
             commands.entity(entity).insert(AreaLightsReady(ours_ready));

@@ -18,6 +18,13 @@
 #ifdef TEXTURED
 #import akari_math::light_image::{footprint_position, light_image_footprint, light_image_lod}
 #endif
+#ifdef SHADOWS
+#import akari_visibility::query::{
+    Traversal, traversal_close, traversal_new, traversal_push, traversal_visibility,
+}
+#import akari_area_light::shadow_trees::{light_parts, next_piece, params, part_corner, part_size, slots}
+#import akari_area_light::shadows::{Samples, interpolate_shadow, shadow_samples}
+#endif
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> area_view: AreaLightView;
@@ -159,6 +166,11 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
         coat_transmission = 1.0 - surface.clearcoat * (CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * diffuse_fresnel(n_dot_v));
     }
 
+#ifdef SHADOWS
+    let samples = shadow_samples(view.world_position, pixel, position_rel, view_ws);
+    let by_pieces = surface.perceptual_roughness <= params.pieces_roughness
+        || (surface.clearcoat > 0.0 && surface.clearcoat_perceptual_roughness <= params.pieces_roughness);
+#endif
     let tile = (vec2<u32>(in.position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
     let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
     var radiance = vec3(0.0);
@@ -173,10 +185,33 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
             if all(seen.radiance == vec3(0.0)) {
                 continue;
             }
-            radiance += shade_light(light, seen, frame, base, diffuse_albedo, glossy) * coat_transmission;
-            if surface.clearcoat > 0.0 {
-                radiance += shade_light(light, seen, frame, coat, vec3(0.0), true);
+            var arrives = 1.0;
+#ifdef SHADOWS
+            if samples.count > 0u {
+                var lit_samples = samples;
+                let shadow = interpolate_shadow(&lit_samples, word * LIGHTS_PER_WORD + bit);
+                arrives = shadow.ratio;
+                if shadow.highest <= 0.0 {
+                    continue;
+                }
+                let in_penumbra = shadow.highest > params.penumbra_threshold
+                    && shadow.lowest < 1.0 - params.penumbra_threshold;
+                if by_pieces && in_penumbra {
+                    let lit = shade_pieces(light, seen, position_rel, frame, base, coat, surface.clearcoat > 0.0, lit_samples);
+                    radiance += diffuse_specular_combine(
+                        seen.radiance, diffuse_albedo * lit.diffuse, coat_transmission,
+                        base.albedo * lit.specular, coat_transmission,
+                    );
+                    radiance += seen.radiance * coat.albedo * lit.coat;
+                    continue;
+                }
             }
+#endif
+            var lit = shade_light(light, seen, frame, base, diffuse_albedo, glossy) * coat_transmission;
+            if surface.clearcoat > 0.0 {
+                lit += shade_light(light, seen, frame, coat, vec3(0.0), true);
+            }
+            radiance += arrives * lit;
         }
     }
     return vec4(radiance * view.exposure, 0.0);
@@ -223,3 +258,90 @@ fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Lay
         1.0,
     );
 }
+
+#ifdef SHADOWS
+// What the pieces of a light that a pixel's samples see add up to, for a radiance of 1, with the colours of its image.
+struct LitPieces {
+    // Form factor.
+    diffuse: vec3<f32>,
+    // Specular integrals of the base layer and of the clear coat.
+    specular: vec3<f32>,
+    coat: vec3<f32>,
+}
+
+// The specular integral over a closed polygon, with the colours where it gathers its light. Not bounded below: pieces
+// are added first, and those of a fan have signs.
+fn specular_color_integral(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, polygon: LtcPolygon, diffuse_color: vec3<f32>) -> vec3<f32> {
+    let lobe = layer.lobe_weight * polygon.specular.z * seen.side;
+    let tail = dot(layer.tail, polygon.diffuse.zx * seen.side);
+    let color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular);
+    return color * lobe + diffuse_color * tail;
+}
+
+// The light in the trees of each sample, piece by piece with the BRDF of the pixel.
+//
+// With `parallax`, a sample is asked what it sees of the light, and the pixel is lit by that part of the light: exact
+// where blockers touch the light, and nowhere is a point of the light taken for another. Without, the sample is asked
+// about the directions in which the pixel sees the light: exact for blockers that are far away.
+fn shade_pieces(
+    light: AreaLight,
+    seen: SeenLight,
+    position_rel: vec3<f32>,
+    frame: mat3x3<f32>,
+    base: Layer,
+    coat: Layer,
+    has_coat: bool,
+    samples: Samples,
+) -> LitPieces {
+    var lit: LitPieces;
+    let identity = mat3x3<f32>(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
+    for (var k = 0u; k < samples.count; k++) {
+        if samples.weights[k] == 0.0 {
+            continue;
+        }
+        let slot = samples.slots[k];
+        // From the sample to the pixel.
+        var offset = position_rel - (slots[slot].position - view.world_position);
+        if params.parallax == 0u {
+            offset = vec3(0.0);
+        }
+        for (var part = 0u; part < light_parts(light.vertex_count); part++) {
+            var t = traversal_new();
+            for (var i = 0u; i < part_size(light.vertex_count, part); i++) {
+                traversal_push(&t, seen.center + offset + vertices[light.vertex_offset + part_corner(part, i)].xyz);
+            }
+            traversal_close(&t);
+            var face = 0u;
+            while next_piece(&t, &face, slot) {
+                let weight = samples.weights[k] * traversal_visibility(&t);
+                var polygon = ltc_polygon_new();
+                var a = (t.vertices[t.first + t.count - 1u] - offset) * frame;
+                for (var i = 0u; i < t.count; i++) {
+                    let b = (t.vertices[t.first + i] - offset) * frame;
+                    ltc_polygon_add_edge(&polygon, base.m_inv, a, b);
+                    a = b;
+                }
+                ltc_polygon_close(&polygon, base.m_inv);
+                let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
+                lit.diffuse += weight * seen.side * polygon.diffuse.z * diffuse_color;
+                lit.specular += weight * specular_color_integral(light, seen, frame, base, polygon, diffuse_color);
+                if has_coat {
+                    var over = ltc_polygon_new();
+                    a = (t.vertices[t.first + t.count - 1u] - offset) * frame;
+                    for (var i = 0u; i < t.count; i++) {
+                        let b = (t.vertices[t.first + i] - offset) * frame;
+                        ltc_polygon_add_edge(&over, coat.m_inv, a, b);
+                        a = b;
+                    }
+                    ltc_polygon_close(&over, coat.m_inv);
+                    lit.coat += weight * specular_color_integral(light, seen, frame, coat, over, diffuse_color);
+                }
+            }
+        }
+    }
+    lit.diffuse = max(lit.diffuse, vec3(0.0));
+    lit.specular = max(lit.specular, vec3(0.0));
+    lit.coat = max(lit.coat, vec3(0.0));
+    return lit;
+}
+#endif

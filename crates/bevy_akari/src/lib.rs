@@ -31,6 +31,7 @@ pub use akari_denoise as denoise;
 pub use akari_lobes as lobes;
 pub use akari_math as math;
 pub use akari_render as render;
+pub use akari_visibility as visibility;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 

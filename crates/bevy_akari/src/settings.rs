@@ -1,6 +1,7 @@
 //! The settings of all effects as one value: what a settings file holds and `--set` changes.
 
 use akari_area_light::settings::{AreaLighting, DefaultAreaLighting};
+use akari_area_light::shadows::settings::{AreaShadows, DefaultAreaShadows};
 use akari_denoise::settings::{DefaultDenoise, Denoise};
 use akari_lobes::settings::{DefaultSpecularLobes, SpecularLobes};
 use akari_render::quality::{Knob, KnobError, Knobs, Quality};
@@ -13,6 +14,8 @@ use serde::{Deserialize, Serialize};
 pub struct AkariSettings {
     /// Area lights.
     pub area_lights: AreaLighting,
+    /// Baked shadows of area lights.
+    pub shadows: AreaShadows,
     /// Specular lobes of pixels.
     pub lobes: SpecularLobes,
     /// Accumulation, filtering and upsampling of noisy signals.
@@ -42,7 +45,7 @@ pub enum SettingError {
 }
 
 /// Names of the effects as `--set effect.knob=value` knows them.
-pub const EFFECT_NAMES: [&str; 3] = ["area_lights", "lobes", "denoise"];
+pub const EFFECT_NAMES: [&str; 4] = ["area_lights", "shadows", "lobes", "denoise"];
 
 /// What all settings can do, whatever their type.
 trait AnyKnobs {
@@ -68,6 +71,7 @@ impl AkariSettings {
     pub fn preset(quality: Quality) -> Self {
         Self {
             area_lights: AreaLighting::preset(quality),
+            shadows: AreaShadows::preset(quality),
             lobes: SpecularLobes::preset(quality),
             denoise: Denoise::preset(quality),
         }
@@ -75,7 +79,12 @@ impl AkariSettings {
 
     /// In the order of [`EFFECT_NAMES`].
     fn effects(&mut self) -> [&mut dyn AnyKnobs; EFFECT_NAMES.len()] {
-        [&mut self.area_lights, &mut self.lobes, &mut self.denoise]
+        [
+            &mut self.area_lights,
+            &mut self.shadows,
+            &mut self.lobes,
+            &mut self.denoise,
+        ]
     }
 
     /// Sets one knob of one effect.
@@ -116,6 +125,7 @@ impl AkariSettings {
     /// Makes them the settings of every camera that has none of its own.
     pub fn apply(&self, world: &mut World) {
         world.insert_resource(DefaultAreaLighting(self.area_lights));
+        world.insert_resource(DefaultAreaShadows(self.shadows));
         world.insert_resource(DefaultSpecularLobes(self.lobes));
         world.insert_resource(DefaultDenoise(self.denoise));
     }

@@ -1,0 +1,127 @@
+//! Settings of the shadows of area lights.
+
+use akari_render::prelude::*;
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How the shadows of area lights are drawn, on a camera; else [`DefaultAreaShadows`] counts.
+///
+/// It does nothing unless a bake is in the scene ([`BakedVisibility`](super::asset::BakedVisibility)).
+#[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AreaShadows {
+    /// Whether there are any. Off, the passes and buffers of the shadows do not exist.
+    pub enabled: bool,
+    /// Perceptual roughness up to which the light that a pixel sees is integrated piece by piece in penumbrae; rougher
+    /// surfaces take the share of the irradiance that arrives. Below 0: all do. 1: none do. Range −1 to 1.
+    pub pieces_roughness: f32,
+    /// Whether pieces are the parts of the light that the samples see, rather than the directions in which they see.
+    pub parallax: bool,
+    /// Shares of the irradiance nearer than this to 0 or 1 count as outside of a penumbra. Range 0 to 0.5.
+    pub penumbra_threshold: f32,
+}
+
+/// Settings of every camera that has no [`AreaShadows`] of its own.
+#[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Reflect)]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct DefaultAreaShadows(pub AreaShadows);
+
+impl Default for AreaShadows {
+    fn default() -> Self {
+        Self::preset(Quality::default())
+    }
+}
+
+impl Knobs for AreaShadows {
+    const KNOBS: &'static [Knob] = &[
+        Knob {
+            name: "enabled",
+            what: "1: baked shadows; 0: none, and nothing of them in memory",
+            min: 0.0,
+            max: 1.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 1.0],
+            cost: "0 costs nothing",
+        },
+        Knob {
+            name: "pieces_roughness",
+            what: "perceptual roughness up to which penumbrae are integrated piece by piece; -1: nowhere",
+            min: -1.0,
+            max: 1.0,
+            integer: false,
+            presets: [-1.0, 0.5, 1.0, 1.0],
+            cost: "pixels of penumbrae up to this roughness visit three visibility trees a light",
+        },
+        Knob {
+            name: "parallax",
+            what: "1: a pixel is lit by the parts of the light that its samples see; 0: from the directions in which they see",
+            min: 0.0,
+            max: 1.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 1.0],
+            cost: "both cost the same",
+        },
+        Knob {
+            name: "penumbra_threshold",
+            what: "shares of a light nearer than this to 0 or 1 are outside of a penumbra",
+            min: 0.0,
+            max: 0.5,
+            integer: false,
+            presets: [1.0 / 64.0, 1.0 / 128.0, 1.0 / 256.0, 0.0],
+            cost: "a larger value visits fewer trees",
+        },
+    ];
+
+    fn value(&self, name: &str) -> Option<f32> {
+        let flag = |on: bool| f32::from(u8::from(on));
+        match name {
+            "enabled" => Some(flag(self.enabled)),
+            "pieces_roughness" => Some(self.pieces_roughness),
+            "parallax" => Some(flag(self.parallax)),
+            "penumbra_threshold" => Some(self.penumbra_threshold),
+            _ => None,
+        }
+    }
+
+    fn store(&mut self, name: &str, value: f32) {
+        match name {
+            "enabled" => self.enabled = value != 0.0,
+            "pieces_roughness" => self.pieces_roughness = value,
+            "parallax" => self.parallax = value != 0.0,
+            "penumbra_threshold" => self.penumbra_threshold = value,
+            _ => {}
+        }
+    }
+
+    fn preset(quality: Quality) -> Self {
+        let mut settings = Self {
+            enabled: true,
+            pieces_roughness: 1.0,
+            parallax: true,
+            penumbra_threshold: 0.0,
+        };
+        for knob in Self::KNOBS {
+            settings.store(knob.name, knob.presets[quality as usize]);
+        }
+        settings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_reads_back_what_was_set() {
+        for knob in AreaShadows::KNOBS {
+            let mut settings = AreaShadows::preset(Quality::Low);
+            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
+                settings
+                    .set_knob(knob.name, value)
+                    .expect("presets and limits are valid");
+                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,28 @@
+#define_import_path akari_area_light::shadow_types
+
+// What the CPU writes, field by field as in `types.rs`.
+
+const RATIO_WORKGROUP: u32 = 64u;
+const RECEIVER_TWO_SIDED: u32 = 1u;
+
+struct Receiver {
+    a: vec3<f32>,
+    grid: u32,
+    b: vec3<f32>,
+    flags: u32,
+    c: vec3<f32>,
+}
+
+struct Slot {
+    position: vec3<f32>,
+    normal: u32,
+    trees: array<u32, 6>,
+}
+
+struct ShadowParams {
+    slot_count: u32,
+    hanging_offset: u32,
+    pieces_roughness: f32,
+    parallax: u32,
+    penumbra_threshold: f32,
+}

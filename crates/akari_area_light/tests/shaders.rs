@@ -1,6 +1,9 @@
 //! Every shader composes with Bevy's own modules and is valid for every set of shader definitions, and agrees with Rust on
 //! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
 
+use akari_area_light::shadows::types::{
+    GpuReceiver, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_TWO_SIDED,
+};
 use akari_area_light::types::{
     COUNTER_NAMES, CULL_WORKGROUP, FLAG_TWO_SIDED, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD,
     NO_TEXTURE, TILE_SIZE,
@@ -29,7 +32,7 @@ fn shade() -> Entry {
         file: "shade.wgsl",
         source: include_str!("../src/shade.wgsl"),
         entry_point: "fragment",
-        definitions: choices(&[&[&[], &["TEXTURED"]]]),
+        definitions: choices(&[&[&[], &["TEXTURED"]], &[&[], &["SHADOWS"]]]),
     }
 }
 
@@ -42,22 +45,69 @@ fn prefilter() -> Entry {
     }
 }
 
+fn ratios() -> Entry {
+    Entry {
+        file: "shadows/ratios.wgsl",
+        source: include_str!("../src/shadows/ratios.wgsl"),
+        entry_point: "ratio",
+        definitions: choices(&[]),
+    }
+}
+
+fn receivers(entry_point: &'static str) -> Entry {
+    Entry {
+        file: "shadows/receivers.wgsl",
+        source: include_str!("../src/shadows/receivers.wgsl"),
+        entry_point,
+        definitions: choices(&[]),
+    }
+}
+
+/// Every entry point of this crate.
+fn entries() -> [Entry; 6] {
+    [
+        cull(),
+        shade(),
+        prefilter(),
+        ratios(),
+        receivers("vertex"),
+        receivers("fragment"),
+    ]
+}
+
 const TYPES: &str = include_str!("../src/types.wgsl");
+const SHADOW_TYPES: &str = include_str!("../src/shadows/types.wgsl");
 
 /// Modules of this crate that the entry shaders import.
-const LIBRARIES: &[(&str, &str)] = &[("types.wgsl", TYPES)];
+const LIBRARIES: &[(&str, &str)] = &[
+    ("types.wgsl", TYPES),
+    ("shadows/types.wgsl", SHADOW_TYPES),
+    (
+        "shadows/trees.wgsl",
+        include_str!("../src/shadows/trees.wgsl"),
+    ),
+    (
+        "shadows/shadows.wgsl",
+        include_str!("../src/shadows/shadows.wgsl"),
+    ),
+];
 
 /// With what is imported from other crates.
 fn composer() -> Composer {
     let gbuffer = include_str!("../../akari_render/src/gbuffer.wgsl");
-    let libraries = [LIBRARIES, &[("gbuffer.wgsl", gbuffer)]].concat();
-    Composer::new(&libraries, &[&cull(), &shade(), &prefilter()])
+    let libraries = [
+        LIBRARIES,
+        &[("gbuffer.wgsl", gbuffer)],
+        akari_visibility::WGSL_MODULES,
+    ]
+    .concat();
+    Composer::new(&libraries, &entries().each_ref())
 }
 
 #[test]
 fn every_shader_is_valid_for_every_set_of_definitions() {
     let mut composer = composer();
-    for entry in [cull(), shade(), prefilter()] {
+    for entry in entries() {
         if let Err(error) = composer.compose_all(&entry) {
             panic!("{error}");
         }
@@ -67,7 +117,7 @@ fn every_shader_is_valid_for_every_set_of_definitions() {
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let faults = list_faults(&source, &[&cull(), &shade(), &prefilter()], LIBRARIES);
+    let faults = list_faults(&source, &entries().each_ref(), LIBRARIES);
     assert_eq!(faults, [""; 0]);
     let untextured = Entry {
         definitions: vec![vec![]],
@@ -146,6 +196,16 @@ fn constants_agree() {
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
+    let module = types_module(SHADOW_TYPES);
+    let mut shadow_constants = u32_constants(&module);
+    assert_eq!(shadow_constants.len(), module.constants.len());
+    for (name, value) in [
+        ("RATIO_WORKGROUP", RATIO_WORKGROUP),
+        ("RECEIVER_TWO_SIDED", RECEIVER_TWO_SIDED),
+    ] {
+        assert_eq!(shadow_constants.remove(name), Some(value), "{name}");
+    }
+    assert!(shadow_constants.is_empty(), "{shadow_constants:?}");
     assert_eq!(LIGHTS_PER_WORD, u32::BITS, "a mask is whole words");
     // What is left are the counters: COUNTER_OUT_OF_RANGE is the index of the name with the word "out".
     assert_eq!(found.len(), COUNTER_NAMES.len(), "{found:?}");
@@ -172,6 +232,14 @@ fn workgroups_and_counters_agree() {
     assert_eq!(
         workgroup_size(&module, cull.entry_point),
         Some([CULL_WORKGROUP, 1, 1])
+    );
+    let ratios = ratios();
+    let ratio_module = composer
+        .compose(ratios.file, ratios.source.to_owned(), &[])
+        .expect("ratios.wgsl");
+    assert_eq!(
+        workgroup_size(&ratio_module, ratios.entry_point),
+        Some([RATIO_WORKGROUP, 1, 1])
     );
     let (_, counters) = module
         .global_variables
@@ -263,6 +331,54 @@ fn structs_have_one_layout() {
         ("culling", 8),
     ];
     assert_eq!(fault(TYPES, "AreaLightView", &view, &fields), None);
+}
+
+#[test]
+fn shadow_structs_have_one_layout() {
+    let receiver = GpuReceiver {
+        a: Vec3::new(1.0, 0.0, 0.0),
+        grid: 2,
+        b: Vec3::new(3.0, 0.0, 0.0),
+        flags: 4,
+        c: Vec3::new(5.0, 0.0, 0.0),
+    };
+    let fields = [
+        ("a", 1.0_f32.to_bits()),
+        ("grid", 2),
+        ("b", 3.0_f32.to_bits()),
+        ("flags", 4),
+        ("c", 5.0_f32.to_bits()),
+    ];
+    assert_eq!(fault(SHADOW_TYPES, "Receiver", &receiver, &fields), None);
+    let slot = GpuSlot {
+        position: Vec3::new(1.0, 0.0, 0.0),
+        normal: 2,
+        trees: [3, 4, 5, 6, 7, 8],
+    };
+    let fields = [("position", 1.0_f32.to_bits()), ("normal", 2), ("trees", 3)];
+    assert_eq!(fault(SHADOW_TYPES, "Slot", &slot, &fields), None);
+    let params = GpuShadowParams {
+        slot_count: 1,
+        hanging_offset: 2,
+        pieces_roughness: 3.0,
+        parallax: 4,
+        penumbra_threshold: 5.0,
+    };
+    let fields = [
+        ("slot_count", 1),
+        ("hanging_offset", 2),
+        ("pieces_roughness", 3.0_f32.to_bits()),
+        ("parallax", 4),
+        ("penumbra_threshold", 5.0_f32.to_bits()),
+    ];
+    assert_eq!(fault(SHADOW_TYPES, "ShadowParams", &params, &fields), None);
+    // And another order is noticed.
+    let swapped = SHADOW_TYPES.replacen(
+        "slot_count: u32,\n    hanging_offset: u32,",
+        "hanging_offset: u32,\n    slot_count: u32,",
+        1,
+    );
+    assert!(fault(&swapped, "ShadowParams", &params, &fields).is_some());
 }
 
 #[test]

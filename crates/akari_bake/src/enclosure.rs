@@ -72,8 +72,8 @@ impl Enclosure {
     }
 
     /// Whether a point lies behind the plane through `at`.
-    fn has_point_behind(&self, normal: DVec3, at: Vec3) -> bool {
-        let limit = normal.dot(at.as_dvec3()) - self.tolerance;
+    fn has_point_behind(&self, normal: DVec3, at: DVec3) -> bool {
+        let limit = normal.dot(at) - self.tolerance;
         let behind = |p: &Vec3| normal.dot(p.as_dvec3()) < limit;
         if self.extremes.iter().any(behind) {
             return true;
@@ -94,9 +94,17 @@ impl Enclosure {
         let mut hasher = blake3::Hasher::new();
         let mut index = 0_u32;
         casters.retain(|c| {
-            let stays = match c.front {
-                Some(front) => self.has_point_behind(front, c.vertices[0]),
-                None => true,
+            let front = c.front;
+            let [a, b, c] = c.vertices.map(|v| v.as_dvec3());
+            let stays = match front {
+                Some(front) => self.has_point_behind(front, a),
+                // Both sides are fronts, as exporters say of any wall: the side that the scene is on counts.
+                None => match (b - a).cross(c - a).try_normalize() {
+                    Some(normal) => {
+                        self.has_point_behind(normal, a) && self.has_point_behind(-normal, a)
+                    }
+                    None => true,
+                },
             };
             if !stays {
                 enclosure.triangles += 1;

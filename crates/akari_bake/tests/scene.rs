@@ -119,6 +119,14 @@ fn a_room_does_not_hide_its_lights() {
     assert_eq!(closed.source(), geometry.source());
     assert_eq!(geometry.enclosure().triangles, 12);
     assert_eq!(closed.enclosure(), Default::default());
+
+    // Exporters call any wall double-sided.
+    let mut two_sided = scene.clone();
+    for material in &mut two_sided.materials {
+        material.double_sided = true;
+    }
+    let open = all(&two_sided, GeometryOptions::default());
+    assert_eq!(open.enclosure().triangles, 12);
     let options = akari_bake::Options::default();
     assert_ne!(
         akari_bake::identity(&closed, &options).settings,

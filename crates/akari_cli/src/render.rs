@@ -10,6 +10,7 @@ use crate::load::{
 use crate::progress::{Reporter, check_interrupt};
 use crate::spawn::{camera_components, spawn_scene};
 use crate::stats::{FrameTimes, Stats};
+use akari_bake::SceneLayout;
 use akari_scene::Scene;
 use akari_scene::exr_io::RgbImage;
 use bevy::prelude::*;
@@ -21,6 +22,9 @@ use bevy_akari::render::census::Census;
 use bevy_akari::render::demand::Demand;
 use bevy_akari::render::guides::NeedsGuides;
 use bevy_akari::render::ledger::CollectCounters;
+use bevy_akari::visibility::bake::Bake;
+use bevy_akari::visibility::container::FileError;
+use std::path::Path;
 use std::time::Instant;
 
 /// Effects that a command line may name.
@@ -81,7 +85,17 @@ impl WantedEffects {
     fn area_lights(&self) -> bool {
         match self {
             Self::Auto => true,
-            Self::Only(names) => names.iter().any(|name| name == AVAILABLE_EFFECTS[0]),
+            // Shadows are those of area lights.
+            Self::Only(names) => ["area-lights", "shadows"]
+                .iter()
+                .any(|effect| names.iter().any(|name| name == effect)),
+        }
+    }
+
+    fn shadows(&self) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::Only(names) => names.iter().any(|name| name == "shadows"),
         }
     }
 }
@@ -103,7 +117,8 @@ impl WantedEffects {
 /// With the exit code of what went wrong.
 pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     let wanted = WantedEffects::parse(&args.effects)?;
-    let settings = settings(args)?;
+    let mut settings = settings(args)?;
+    settings.shadows.enabled &= wanted.shadows();
     picture_format(&args.out)?;
     check_size(args.size)?;
     check_output(&args.out)?;
@@ -119,11 +134,6 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     if let Some(folder) = &args.buffers {
         check_folder(folder)?;
     }
-    if args.bake.is_some() {
-        return Err(CliError::usage(
-            "--bake: this version draws no baked visibility yet",
-        ));
-    }
     if args.environment.is_some() {
         return Err(CliError::usage(
             "--environment: this version draws no environment light yet; `akari reference` does",
@@ -131,6 +141,10 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     }
     let scene = load_scene(&args.scene, common)?;
     let camera = choose_camera(&scene, args.camera.as_deref(), common)?;
+    let bake = match &args.bake {
+        Some(path) => Some(load_bake(path, &scene)?),
+        None => None,
+    };
     // Bevy's emission buffer and HDR target end at 65,504: brighter scenes are drawn darker by a power of two.
     let scale = radiance_scale(&scene);
 
@@ -148,6 +162,12 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     world.insert_resource(CollectCounters(args.stats.is_some()));
     for warning in spawn_scene(world, &scene, scale) {
         warn(common, &format!("{}: {warning}", args.scene.display()));
+    }
+    if let Some(bake) = bake {
+        let handle = world
+            .resource_mut::<Assets<VisibilityBake>>()
+            .add(VisibilityBake::from(bake));
+        world.spawn(BakedVisibility(handle));
     }
     let (projection, transform) = camera_components(&camera);
     let size = UVec2::new(args.size.width, args.size.height);
@@ -253,6 +273,16 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
         stats.write(path)?;
     }
     Ok(())
+}
+
+/// Reads a bake, and refuses it if it is of another scene or state.
+fn load_bake(path: &Path, scene: &Scene) -> Result<Bake, CliError> {
+    let refused = |error: FileError| CliError::input(error.to_string());
+    let bake = Bake::read(path).map_err(refused)?;
+    let layout = SceneLayout::of(scene);
+    bake.check_scene(path, layout.source, &layout.instances)
+        .map_err(refused)?;
+    Ok(bake)
 }
 
 /// Refuses images that the GPU cannot hand over: each pixel is read back as four 32-bit floats from one buffer.

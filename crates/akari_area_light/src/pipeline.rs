@@ -180,6 +180,8 @@ pub struct ShadeKey {
     pub textured: bool,
     /// Whether there is baked visibility.
     pub shadows: bool,
+    /// Whether bodies stand in for moving casters on top of that.
+    pub moving_casters: bool,
     /// Whether the light is added to what the target holds; not so for 32-bit float, which few GPUs can blend.
     pub blend: bool,
 }
@@ -200,8 +202,11 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
             shader_defs.push("TEXTURED".into());
         }
         if key.shadows {
-            layout.push(shade_shadow_layout());
+            layout.push(shade_shadow_layout(key.moving_casters));
             shader_defs.push("SHADOWS".into());
+            if key.moving_casters {
+                shader_defs.push("MOVING_CASTERS".into());
+            }
         }
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),

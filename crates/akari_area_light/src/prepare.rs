@@ -7,7 +7,7 @@ use crate::images::LightImages;
 use crate::pipeline::{
     AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights, ltc_table_bytes,
 };
-use crate::shadows::extract::ViewAreaShadows;
+use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
 use crate::shadows::pipeline::ShadowPipelines;
 use crate::shadows::prepare::ViewReceivers;
 use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
@@ -145,6 +145,7 @@ pub fn prepare_area_lights(
     )>,
     extracted: Res<ExtractedAreaLights>,
     images: Option<Res<LightImages>>,
+    receivers: Res<ExtractedReceivers>,
     pipelines: Option<Res<AreaLightPipelines>>,
     specialized: Option<ResMut<SpecializedRenderPipelines<AreaLightPipelines>>>,
     buffers: Option<ResMut<AreaLightBuffers>>,
@@ -183,6 +184,7 @@ pub fn prepare_area_lights(
             words_per_tile: count.div_ceil(LIGHTS_PER_WORD).max(1),
         };
         let textured = images.is_some_and(|images| !images.is_empty());
+        let moving_casters = shadows && receivers.casters.count > 0;
         let shade = specialized.specialize(
             &cache,
             &pipelines,
@@ -190,6 +192,7 @@ pub fn prepare_area_lights(
                 target_format: view.target_format,
                 textured,
                 shadows,
+                moving_casters,
                 blend: true,
             },
         );
@@ -201,6 +204,7 @@ pub fn prepare_area_lights(
                     target_format: DIRECT_FORMAT,
                     textured,
                     shadows,
+                    moving_casters,
                     blend: false,
                 },
             )

@@ -26,6 +26,13 @@
 #import akari_area_light::shadow_trees::{light_parts, next_piece, params, part_corner, part_size, slots}
 #import akari_area_light::shadows::{Samples, interpolate_shadow, shadow_samples}
 #endif
+#ifdef MOVING_CASTERS
+#import akari_math::convex_shadow::{
+    box_shadow, clipped_polygon_new, clipped_polygon_push, sphere_shadow,
+}
+#import akari_area_light::shadow_types::MovingCaster
+#import akari_area_light::shadows::moving
+#endif
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> area_view: AreaLightView;
@@ -195,15 +202,23 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
                 if shadow.highest <= 0.0 {
                     continue;
                 }
+                var passes = 1.0;
+#ifdef MOVING_CASTERS
+                passes = moving_casters_pass(light, seen, position_rel, frame);
+                if passes <= 0.0 {
+                    continue;
+                }
+                arrives *= passes;
+#endif
                 let in_penumbra = shadow.highest > params.penumbra_threshold
                     && shadow.lowest < 1.0 - params.penumbra_threshold;
                 if by_pieces && in_penumbra {
                     let lit = shade_pieces(light, seen, position_rel, frame, base, coat, surface.clearcoat > 0.0, lit_samples);
                     radiance += diffuse_specular_combine(
-                        seen.radiance, diffuse_albedo * lit.diffuse, coat_transmission,
+                        passes * seen.radiance, diffuse_albedo * lit.diffuse, coat_transmission,
                         base.albedo * lit.specular, coat_transmission,
                     );
-                    radiance += seen.radiance * coat.albedo * lit.coat;
+                    radiance += passes * seen.radiance * coat.albedo * lit.coat;
                     continue;
                 }
             }
@@ -348,5 +363,81 @@ fn shade_pieces(
     lit.specular = max(lit.specular, vec3(0.0));
     lit.coat = max(lit.coat, vec3(0.0));
     return lit;
+}
+#endif
+
+#ifdef MOVING_CASTERS
+// Slack of the test whether a body can hide anything of a light, as a cosine.
+const CONE_SLACK: f32 = 1e-3;
+
+// Whether the body may stand between the pixel and the light: whether the cones about the two touch.
+fn may_hide(caster: MovingCaster, light: AreaLight, seen: SeenLight, position_rel: vec3<f32>) -> bool {
+    let to_body = caster.bounds.xyz - view.world_position - position_rel;
+    let to_light = seen.center;
+    let body_sine = caster.bounds.w / max(length(to_body), caster.bounds.w);
+    let light_sine = light.radius / max(length(to_light), light.radius);
+    let body_cosine = sqrt(1.0 - body_sine * body_sine);
+    let light_cosine = sqrt(1.0 - light_sine * light_sine);
+    // The cosine of the sum of the half angles; beyond a right angle together, they are taken to touch.
+    let limit = body_cosine * light_cosine - body_sine * light_sine;
+    let cosine = dot(to_body, to_light) / max(length(to_body) * length(to_light), 1e-30);
+    return limit <= 0.0 || cosine >= limit - CONE_SLACK;
+}
+
+// Share of the light's irradiance that passes the bodies which stand in for moving things.
+fn moving_casters_pass(light: AreaLight, seen: SeenLight, position_rel: vec3<f32>, frame: mat3x3<f32>) -> f32 {
+    var passes = 1.0;
+    // Of the whole light, once it is needed.
+    var whole = -1.0;
+    let position_ws = vec4(view.world_position + position_rel, 1.0);
+    for (var k = 0u; k < moving.count; k++) {
+        let caster = moving.casters[k];
+        if !may_hide(caster, light, seen, position_rel) {
+            continue;
+        }
+        let apex = vec3(dot(caster.unit_x, position_ws), dot(caster.unit_y, position_ws), dot(caster.unit_z, position_ws));
+        let is_box = caster.world_x.w > 0.5;
+        let find_whole = whole < 0.0;
+        whole = max(whole, 0.0);
+        var hidden = 0.0;
+        for (var part = 0u; part < light_parts(light.vertex_count); part++) {
+            let count = part_size(light.vertex_count, part);
+            var polygon = clipped_polygon_new();
+            var all = lambert_polygon_new();
+            var a = seen.center + vertices[light.vertex_offset + part_corner(part, count - 1u)].xyz;
+            for (var i = 0u; i < count; i++) {
+                let b = seen.center + vertices[light.vertex_offset + part_corner(part, i)].xyz;
+                clipped_polygon_push(&polygon, vec3(dot(caster.unit_x.xyz, b), dot(caster.unit_y.xyz, b), dot(caster.unit_z.xyz, b)));
+                lambert_polygon_add_edge(&all, a * frame, b * frame);
+                a = b;
+            }
+            if find_whole {
+                lambert_polygon_close(&all);
+                whole += seen.side * all.diffuse.z;
+            }
+            if is_box {
+                box_shadow(&polygon, apex);
+            } else {
+                sphere_shadow(&polygon, apex);
+            }
+            if polygon.count < 3u {
+                continue;
+            }
+            let world_from_unit = mat3x3<f32>(caster.world_x.xyz, caster.world_y.xyz, caster.world_z.xyz);
+            var dark = lambert_polygon_new();
+            var p = world_from_unit * polygon.vertices[polygon.count - 1u];
+            for (var i = 0u; i < polygon.count; i++) {
+                let q = world_from_unit * polygon.vertices[i];
+                lambert_polygon_add_edge(&dark, p * frame, q * frame);
+                p = q;
+            }
+            lambert_polygon_close(&dark);
+            hidden += seen.side * dark.diffuse.z;
+        }
+        if whole > 0.0 {
+            passes *= 1.0 - saturate(hidden / whole);
+        }
+    }
+    return passes;
 }
 #endif

@@ -1,6 +1,7 @@
 //! Every shader composes with Bevy's own modules and is valid for every set of shader definitions, and agrees with Rust on
 //! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
 
+use akari_area_light::shadows::moving::{GpuMovingCaster, GpuMovingCasters, MOST_CASTERS};
 use akari_area_light::shadows::types::{
     GpuReceiver, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_TWO_SIDED,
 };
@@ -32,7 +33,10 @@ fn shade() -> Entry {
         file: "shade.wgsl",
         source: include_str!("../src/shade.wgsl"),
         entry_point: "fragment",
-        definitions: choices(&[&[&[], &["TEXTURED"]], &[&[], &["SHADOWS"]]]),
+        definitions: choices(&[
+            &[&[], &["TEXTURED"]],
+            &[&[], &["SHADOWS"], &["SHADOWS", "MOVING_CASTERS"]],
+        ]),
     }
 }
 
@@ -202,6 +206,7 @@ fn constants_agree() {
     for (name, value) in [
         ("RATIO_WORKGROUP", RATIO_WORKGROUP),
         ("RECEIVER_TWO_SIDED", RECEIVER_TWO_SIDED),
+        ("MOST_CASTERS", MOST_CASTERS as u32),
     ] {
         assert_eq!(shadow_constants.remove(name), Some(value), "{name}");
     }
@@ -372,6 +377,38 @@ fn shadow_structs_have_one_layout() {
         ("penumbra_threshold", 5.0_f32.to_bits()),
     ];
     assert_eq!(fault(SHADOW_TYPES, "ShadowParams", &params, &fields), None);
+    let row = |x: f32| Vec4::new(x, 0.0, 0.0, 0.0);
+    let caster = GpuMovingCaster {
+        unit_x: row(1.0),
+        unit_y: row(2.0),
+        unit_z: row(3.0),
+        world_x: row(4.0),
+        world_y: row(5.0),
+        world_z: row(6.0),
+        bounds: row(7.0),
+    };
+    let names = [
+        "unit_x", "unit_y", "unit_z", "world_x", "world_y", "world_z", "bounds",
+    ];
+    let rows: Vec<_> = (1..)
+        .zip(names)
+        .map(|(i, name)| (name, (i as f32).to_bits()))
+        .collect();
+    assert_eq!(fault(SHADOW_TYPES, "MovingCaster", &caster, &rows), None);
+    let casters = GpuMovingCasters {
+        casters: [caster; MOST_CASTERS],
+        count: 9,
+    };
+    let first = ("casters", 1.0_f32.to_bits());
+    assert_eq!(
+        fault(
+            SHADOW_TYPES,
+            "MovingCasters",
+            &casters,
+            &[first, ("count", 9)]
+        ),
+        None
+    );
     // And another order is noticed.
     let swapped = SHADOW_TYPES.replacen(
         "slot_count: u32,\n    hanging_offset: u32,",

@@ -27,6 +27,7 @@
 )]
 
 pub mod area_light;
+pub mod convex_shadow;
 pub mod directional_albedo;
 pub mod form_factor;
 pub mod frame;
@@ -79,6 +80,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         include_str!("directional_albedo.wgsl"),
     ),
     ("akari_math::polygon", include_str!("polygon.wgsl")),
+    (
+        "akari_math::convex_shadow",
+        include_str!("convex_shadow.wgsl"),
+    ),
     ("akari_math::form_factor", include_str!("form_factor.wgsl")),
     ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),

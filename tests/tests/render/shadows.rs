@@ -463,6 +463,95 @@ fn shadows_come_and_go_with_their_passes_memory_and_pipelines() {
     );
 }
 
+/// Share of a light's irradiance that passes a box, by segments to points of the light: nothing of the planes by which it
+/// is drawn.
+fn passing_share(point: Vec3, corners: &[Vec3], place: &Transform) -> f32 {
+    const N: i32 = 24;
+    let unit = place.to_matrix().inverse();
+    let (mut whole, mut passing) = (0.0, 0.0);
+    for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
+        let at = |i: i32| (i as f32 + 0.5) / N as f32;
+        let to = corners[0] + at(i) * (corners[1] - corners[0]) + at(j) * (corners[3] - corners[0]);
+        // The light and the floor face each other.
+        let weight = (to.y / to.length()).powi(2) / to.length_squared();
+        let from = unit.transform_point3(point);
+        let along = unit.transform_vector3(to);
+        let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
+        for axis in 0..3 {
+            let (a, b) = (
+                (-0.5 - from[axis]) / along[axis],
+                (0.5 - from[axis]) / along[axis],
+            );
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        whole += weight;
+        passing += if enter < leave { 0.0 } else { weight };
+    }
+    passing / whole
+}
+
+#[test]
+fn what_moves_throws_the_shadow_of_its_stand_in() {
+    let Some(mut stage) = Stage::new("what_moves_throws") else {
+        return;
+    };
+    let (position, side) = (Vec3::new(1.5, 3.0, 0.8), 0.8);
+    stage.light(position, side);
+    stage.give_bake();
+    let without = stage.picture();
+    let place = Transform::from_xyz(1.7, 1.0, 1.2)
+        .with_rotation(Quat::from_rotation_y(0.5))
+        .with_scale(Vec3::new(0.8, 0.3, 0.5));
+    let world = stage.headless.app.world_mut();
+    let mesh = world
+        .resource_mut::<Assets<Mesh>>()
+        .add(Cuboid::new(1.0, 1.0, 1.0));
+    let material = world
+        .resource_mut::<Assets<StandardMaterial>>()
+        .add(matte());
+    let body = world
+        .spawn((Mesh3d(mesh), MeshMaterial3d(material), place))
+        .id();
+    let alone = stage.picture();
+    let world = stage.headless.app.world_mut();
+    world.entity_mut(body).insert(ShadowProxy::Box);
+    let with = stage.picture();
+    // Its own pixels are what they were without a stand-in.
+    let (mut dark, mut partly, mut worst) = (0, 0, 0.0_f32);
+    let unshadowed = stage.expected(position, side, true);
+    let fov = PerspectiveProjection::default().fov;
+    let view = Transform::from_translation(CAMERA).looking_at(Vec3::new(0.0, 0.4, 0.0), Vec3::Y);
+    for (pixel, expected) in unshadowed {
+        let drawn = with.data[pixel][0];
+        if (alone.data[pixel][0] - without.data[pixel][0]).abs() > 1e-6 {
+            // The body stands there.
+            assert_eq!(drawn, alone.data[pixel][0]);
+            continue;
+        }
+        let at = |i: usize| (2.0 * (i as f32 + 0.5) / SIDE as f32 - 1.0) * (0.5 * fov).tan();
+        let (x, y) = (at(pixel % SIDE as usize), at(pixel / SIDE as usize));
+        let direction = view.rotation * Vec3::new(x, -y, -1.0);
+        let point = CAMERA - direction * (CAMERA.y / direction.y);
+        let share = passing_share(point, &Stage::corners(position, side, point), &place);
+        worst = worst.max((drawn - share * expected).abs() / expected.max(0.1));
+        dark += u32::from(share < 0.01);
+        partly += u32::from(share > 0.05 && share < 0.95);
+    }
+    println!("{dark} dark, {partly} in the penumbra, off by {worst}");
+    assert!(dark > 0 && partly > 10, "{dark} {partly}");
+    // A grid of 24 × 24 segments is good for a percent or so on an edge.
+    assert!(worst < 0.02, "{worst}");
+    // An ellipsoid in the box hides less; without light on receivers nothing is hidden, and nothing is left behind.
+    let world = stage.headless.app.world_mut();
+    world.entity_mut(body).insert(ShadowProxy::Ellipsoid);
+    let round = stage.picture();
+    assert!(rms(&round) > rms(&with) && rms(&round) < rms(&alone));
+    let world = stage.headless.app.world_mut();
+    world.entity_mut(body).remove::<ShadowProxy>();
+    assert_eq!(stage.picture(), alone);
+}
+
 /// A light that creeps over the floor, through horizons and from face to face of the samples' cubes: no pixel jumps.
 #[test]
 fn a_creeping_light_makes_no_pixel_jump() {

@@ -2,6 +2,7 @@
 
 use super::asset::{BakedVisibility, VisibilityBake};
 use super::matching::BakedReceivers;
+use super::moving::{GpuMovingCasters, MovingCasters};
 use super::prepare::ViewReceivers;
 use super::settings::{AreaShadows, DefaultAreaShadows};
 use super::tables::ShadowTables;
@@ -17,6 +18,8 @@ use std::sync::Arc;
 pub struct ExtractedReceivers {
     /// The tables, where there are any.
     pub tables: Option<Arc<ShadowTables>>,
+    /// What stands in for moving casters.
+    pub casters: Box<GpuMovingCasters>,
     /// That of [`BakedReceivers::version`].
     pub version: u64,
     /// The GPU has no room for the tables, or for the ratios of so many lights: no view has shadows until either
@@ -37,6 +40,7 @@ pub fn extract_shadows(
     mut commands: Commands,
     mut extracted: ResMut<ExtractedReceivers>,
     receivers: Extract<Option<Res<BakedReceivers>>>,
+    casters: Extract<Res<MovingCasters>>,
     report: Extract<Res<EffectReport>>,
     defaults: Extract<Res<DefaultAreaShadows>>,
     cameras: Extract<Query<(RenderEntity, Option<&AreaShadows>), With<AkariCamera>>>,
@@ -50,6 +54,9 @@ pub fn extract_shadows(
         extracted.version = version;
         extracted.tables = receivers.and_then(|receivers| receivers.tables.clone());
         extracted.too_large = false;
+    }
+    if casters.is_changed() {
+        *extracted.casters = GpuMovingCasters::new(&casters.0);
     }
     if lights.version != extracted.lights_version {
         extracted.lights_version = lights.version;

@@ -35,6 +35,13 @@ pub struct BakedReceivers {
     warned: HashSet<AssetId<VisibilityBake>>,
 }
 
+impl BakedReceivers {
+    /// Whether an entity's mesh was found in a bake.
+    pub fn is_receiver(&self, entity: Entity) -> bool {
+        self.entities.contains(&entity)
+    }
+}
+
 /// What is known of a mesh.
 #[derive(Clone, Copy)]
 enum MeshContent {
@@ -205,7 +212,7 @@ pub fn match_baked_meshes(
     }
     receivers.missing = missing;
     receivers.waited = 0;
-    if found == receivers.found && receivers.tables.is_some() == !found.is_empty() {
+    if found == receivers.found && receivers.tables.is_some() != found.is_empty() {
         return;
     }
     let left = receivers

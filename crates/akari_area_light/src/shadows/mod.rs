@@ -19,7 +19,11 @@
 //! **Inputs**: [`BakedVisibility`](asset::BakedVisibility) on any entity. **Cost**: nothing without one: no pass, no
 //! memory, no pipeline.
 //!
-//! **Limits**: what moves neither throws nor receives baked shadows. A triangle that was not found in the world where it
+//! **What moves** receives no baked shadows; it throws those of a box or an ellipsoid with a
+//! [`ShadowProxy`](moving::ShadowProxy).
+//!
+//! **Limits**: visibility is told by direction, so what stands behind a light hides it too, unless it encloses the
+//! scene or the bake's `--max-distance` leaves it out. A triangle that was not found in the world where it
 //! was baked receives none, which is told once.
 
 use akari_render::AkariSystems;
@@ -32,6 +36,7 @@ use bevy::shader::{Shader, load_shader_library};
 pub mod asset;
 pub mod extract;
 pub mod matching;
+pub mod moving;
 pub mod pass;
 pub mod pipeline;
 pub mod prepare;
@@ -56,14 +61,24 @@ pub(crate) fn build(app: &mut App) {
         .register_type::<settings::AreaShadows>()
         .register_type::<settings::DefaultAreaShadows>()
         .init_resource::<settings::DefaultAreaShadows>()
+        .register_type::<moving::ShadowProxy>()
         .init_resource::<matching::BakedReceivers>()
+        .init_resource::<moving::MovingCasters>()
         .add_systems(
             PostUpdate,
             (
-                (matching::match_baked_meshes, extract::count_receivers)
+                (
+                    matching::match_baked_meshes,
+                    moving::collect_moving_casters,
+                    extract::count_receivers,
+                )
                     .chain()
                     .in_set(AkariSystems::Census),
-                (extract::record_demand, extract::warn_of_missing_bake)
+                (
+                    extract::record_demand,
+                    extract::warn_of_missing_bake,
+                    moving::warn_of_meshes_without_shadow,
+                )
                     .chain()
                     .in_set(AkariSystems::Demand),
             ),

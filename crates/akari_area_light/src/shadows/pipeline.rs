@@ -1,5 +1,6 @@
 //! Layouts and pipelines of the shadow passes. Nothing here exists before a view needs it.
 
+use super::moving::GpuMovingCasters;
 use super::types::{GpuReceiver, GpuShadowParams, GpuSlot};
 use crate::types::GpuAreaLight;
 use bevy::asset::{AssetServer, load_embedded_asset};
@@ -18,24 +19,29 @@ pub const RATIOS_LABEL: &str = "akari_area_light_shadow_ratios";
 /// Triangle numbers from 1; 0 is none.
 pub const RECEIVER_FORMAT: TextureFormat = TextureFormat::R32Uint;
 
-/// Bind group 1 of the shading pass with shadows: what `trees.wgsl` and `shadows.wgsl` declare.
-pub fn shade_shadow_layout() -> BindGroupLayoutDescriptor {
+/// Bind group 1 of the shading pass with shadows: what `trees.wgsl` and `shadows.wgsl` declare. The bodies of moving
+/// casters are there only if there are any.
+pub fn shade_shadow_layout(moving_casters: bool) -> BindGroupLayoutDescriptor {
     let read = storage_buffer_read_only_sized(false, None);
-    BindGroupLayoutDescriptor::new(
-        "akari_area_light_shade_shadow_layout",
-        &BindGroupLayoutEntries::sequential(
-            ShaderStages::FRAGMENT,
-            (
-                uniform_buffer::<GpuShadowParams>(false),
-                storage_buffer_read_only_sized(false, Some(GpuSlot::min_size())),
-                read,
-                read,
-                storage_buffer_read_only_sized(false, Some(GpuReceiver::min_size())),
-                read,
-                texture_2d(TextureSampleType::Uint),
-            ),
+    let mut entries = BindGroupLayoutEntries::sequential(
+        ShaderStages::FRAGMENT,
+        (
+            uniform_buffer::<GpuShadowParams>(false),
+            storage_buffer_read_only_sized(false, Some(GpuSlot::min_size())),
+            read,
+            read,
+            storage_buffer_read_only_sized(false, Some(GpuReceiver::min_size())),
+            read,
+            texture_2d(TextureSampleType::Uint),
         ),
     )
+    .to_vec();
+    if moving_casters {
+        let binding = entries.len() as u32;
+        let casters = uniform_buffer::<GpuMovingCasters>(false);
+        entries.push(casters.build(binding, ShaderStages::FRAGMENT));
+    }
+    BindGroupLayoutDescriptor::new("akari_area_light_shade_shadow_layout", &entries)
 }
 
 /// Layouts and pipelines that all views share.
@@ -47,8 +53,6 @@ pub struct ShadowPipelines {
     pub lights_layout: BindGroupLayoutDescriptor,
     /// Bind group 1 of the ratio pass.
     pub trees_layout: BindGroupLayoutDescriptor,
-    /// Bind group 1 of the shading pass.
-    pub shade_layout: BindGroupLayoutDescriptor,
     /// The receivers' pass.
     pub receivers: CachedRenderPipelineId,
     /// The ratio pass.
@@ -118,7 +122,6 @@ impl ShadowPipelines {
             receivers_layout,
             lights_layout,
             trees_layout,
-            shade_layout: shade_shadow_layout(),
             receivers,
             ratios,
         }

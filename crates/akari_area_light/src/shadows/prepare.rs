@@ -2,7 +2,8 @@
 
 use super::EFFECT;
 use super::extract::{ExtractedReceivers, ViewAreaShadows};
-use super::pipeline::{RECEIVER_FORMAT, ShadowPipelines};
+use super::moving::GpuMovingCasters;
+use super::pipeline::{RECEIVER_FORMAT, ShadowPipelines, shade_shadow_layout};
 use super::tables::ShadowTables;
 use super::types::GpuShadowParams;
 use crate::prepare::{AreaLightBuffers, LightBuffers, ViewAreaLights};
@@ -67,6 +68,8 @@ pub struct ShadowBuffers {
     pub receiver_count: u32,
     /// Slots to compute.
     pub slot_count: u32,
+    /// Bodies that stand in for moving casters, where there are any.
+    casters: Option<(GpuMovingCasters, Buffer)>,
     /// By `texture_cells`.
     pub ratios: HashMap<u32, ShadowRatios>,
     /// Bind group 1 of the ratio pass.
@@ -161,6 +164,7 @@ impl ShadowBuffers {
             params,
             receiver_count: tables.receivers.len() as u32,
             slot_count: tables.slots.len() as u32,
+            casters: None,
             ratios: HashMap::default(),
             trees_group: None,
         }
@@ -180,12 +184,20 @@ impl ShadowBuffers {
 }
 
 fn params_buffer(device: &RenderDevice, params: &GpuShadowParams) -> Buffer {
+    uniform_buffer(device, "akari_area_light_shadow_params", params)
+}
+
+fn uniform_buffer<T: ShaderType + WriteInto>(
+    device: &RenderDevice,
+    label: &str,
+    value: &T,
+) -> Buffer {
     let mut bytes = encase::UniformBuffer::new(Vec::new());
-    if let Err(error) = bytes.write(params) {
-        error!("shadows of area lights: the parameters could not be written: {error}");
+    if let Err(error) = bytes.write(value) {
+        error!("shadows of area lights: {label} could not be written: {error}");
     }
     device.create_buffer_with_data(&BufferInitDescriptor {
-        label: Some("akari_area_light_shadow_params"),
+        label: Some(label),
         contents: bytes.as_ref(),
         usage: BufferUsages::UNIFORM,
     })
@@ -250,6 +262,19 @@ pub fn prepare_shadows(
                 buffers.nodes.as_entire_binding(),
             )),
         ));
+    }
+    if extracted.casters.count == 0 {
+        if buffers.casters.take().is_some() {
+            ledger.set_bytes(EFFECT, "moving casters", 0);
+        }
+    } else if buffers.casters.as_ref().map(|(casters, _)| casters) != Some(&*extracted.casters) {
+        let buffer = uniform_buffer(
+            &device,
+            "akari_area_light_moving_casters",
+            &*extracted.casters,
+        );
+        ledger.set_bytes(EFFECT, "moving casters", buffer.size());
+        buffers.casters = Some((*extracted.casters, buffer));
     }
     for (entity, shadows, view_lights, prepass, existing) in views {
         let cells = view_lights.texture_cells();
@@ -432,18 +457,33 @@ pub fn prepare_shadow_bind_groups(
                 buffers.receivers.as_entire_binding(),
             )),
         ));
-        view.shade_group = Some(device.create_bind_group(
-            "akari_area_light_shade_shadow",
-            &cache.get_bind_group_layout(&pipelines.shade_layout),
-            &BindGroupEntries::sequential((
-                view.params_buffer.as_entire_binding(),
-                buffers.slots.as_entire_binding(),
-                buffers.nodes.as_entire_binding(),
-                ratios.buffer.as_entire_binding(),
-                buffers.receivers.as_entire_binding(),
-                buffers.entries.as_entire_binding(),
-                &view.target,
-            )),
-        ));
+        let shade = (
+            view.params_buffer.as_entire_binding(),
+            buffers.slots.as_entire_binding(),
+            buffers.nodes.as_entire_binding(),
+            ratios.buffer.as_entire_binding(),
+            buffers.receivers.as_entire_binding(),
+            buffers.entries.as_entire_binding(),
+            &view.target,
+        );
+        let layout = shade_shadow_layout(buffers.casters.is_some());
+        let layout = cache.get_bind_group_layout(&layout);
+        let group = match &buffers.casters {
+            None => device.create_bind_group(
+                "akari_area_light_shade_shadow",
+                &layout,
+                &BindGroupEntries::sequential(shade),
+            ),
+            Some((_, casters)) => {
+                let (a, b, c, d, e, f, g) = shade;
+                let casters = casters.as_entire_binding();
+                device.create_bind_group(
+                    "akari_area_light_shade_shadow_moving",
+                    &layout,
+                    &BindGroupEntries::sequential((a, b, c, d, e, f, g, casters)),
+                )
+            }
+        };
+        view.shade_group = Some(group);
     }
 }

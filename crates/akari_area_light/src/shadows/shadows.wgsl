@@ -4,12 +4,18 @@
 
 #import akari_visibility::grid::{ENTRY_HANGING, grid_triangle, micro_triangle}
 #import akari_area_light::shadow_types::{RECEIVER_TWO_SIDED, Receiver}
+#ifdef MOVING_CASTERS
+#import akari_area_light::shadow_types::MovingCasters
+#endif
 #import akari_area_light::shadow_trees::params
 
 @group(1) @binding(3) var<storage, read> ratios: array<f32>;
 @group(1) @binding(4) var<storage, read> receivers: array<Receiver>;
 @group(1) @binding(5) var<storage, read> entries: array<u32>;
 @group(1) @binding(6) var receiver_texture: texture_2d<u32>;
+#ifdef MOVING_CASTERS
+@group(1) @binding(7) var<uniform> moving: MovingCasters;
+#endif
 
 // Two for each corner of a cell of the sample grid.
 const MOST_SAMPLES: u32 = 6u;

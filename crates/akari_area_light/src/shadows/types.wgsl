@@ -19,6 +19,24 @@ struct Slot {
     trees: array<u32, 6>,
 }
 
+// Shapes that stand in for what moves, field by field as in `moving.rs`.
+const MOST_CASTERS: u32 = 64u;
+
+struct MovingCaster {
+    unit_x: vec4<f32>,
+    unit_y: vec4<f32>,
+    unit_z: vec4<f32>,
+    world_x: vec4<f32>,
+    world_y: vec4<f32>,
+    world_z: vec4<f32>,
+    bounds: vec4<f32>,
+}
+
+struct MovingCasters {
+    casters: array<MovingCaster, MOST_CASTERS>,
+    count: u32,
+}
+
 struct ShadowParams {
     slot_count: u32,
     hanging_offset: u32,

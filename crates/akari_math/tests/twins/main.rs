@@ -15,6 +15,7 @@ mod packing;
 mod properties;
 mod reflection_lobes;
 mod sg;
+mod shadows;
 mod signals;
 mod special;
 mod weight_properties;
@@ -41,6 +42,7 @@ fn table() -> Vec<Case> {
     cases.extend(weight_terms::cases());
     cases.extend(noise::cases());
     cases.extend(filters::cases());
+    cases.extend(shadows::cases());
     cases
 }
 

@@ -95,7 +95,7 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         package: "akari_area_light",
-        may_use: &["akari_math", "akari_render"],
+        may_use: &["akari_math", "akari_render", "akari_visibility"],
         tests_may_use: &["akari_gpu_test"],
         engine: Engine::Bevy,
         only: None,
@@ -137,6 +137,7 @@ pub const RULES: &[Rule] = &[
             "akari_lobes",
             "akari_math",
             "akari_render",
+            "akari_visibility",
         ],
         tests_may_use: &[],
         engine: Engine::Bevy,

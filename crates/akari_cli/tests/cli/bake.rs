@@ -204,6 +204,11 @@ fn shards_make_the_same_file() {
         INPUT,
         &["no/x.akari", "make it first"],
     );
+    place.refused(
+        &["merge", "3-1.akari", "--out", "text.akari"],
+        USAGE,
+        &["text.akari", "no bake"],
+    );
     place.refused(&["merge", "--out", "x.akari"], USAGE, &["<PART>"]);
 }
 

@@ -266,8 +266,8 @@ fn where_the_lights_are_changes_no_bit_but_the_enclosure() {
         "there",
     );
     assert_eq!(here, there);
-    // Below the floor: the floor is between light and scene, and casts. The upper leaf, of two sides, now has all of it
-    // on one side.
+    // Below the floor: the floor is between light and scene, and casts. What now has everything on one side is the upper
+    // pot, which is double-sided.
     let below = baked(
         |s| s.instances[LAMP].world_from_local.translation.y = -2.0,
         "below",

@@ -334,7 +334,7 @@ pub struct ReferenceArgs {
     /// Seed of the samples; the same seed gives the same picture on any number of threads
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
-    /// Write depth, normal, albedo, roughness, position as EXR into this folder
+    /// Write depth, normal, albedo, roughness, position, emission as EXR into this folder
     #[arg(long, value_name = "DIR")]
     pub aov: Option<PathBuf>,
     /// Direct light without any shadow
@@ -383,6 +383,10 @@ pub struct DenoiseArgs {
     /// What radiance is divided by before it is filtered, .exr: base colour; all 1 if absent. What is 0 is not filtered
     #[arg(long, value_name = "ALBEDO.exr")]
     pub albedo: Option<PathBuf>,
+    /// Radiance that surfaces emit towards the camera, .exr; it is not filtered, and the rest of those pixels is. Without
+    /// it, only emitters of black base colour are left alone
+    #[arg(long, value_name = "EMISSION.exr")]
+    pub emission: Option<PathBuf>,
     /// Distance from the camera, .exr; 0 or infinite where there is no surface
     #[arg(long, value_name = "DEPTH.exr")]
     pub depth: Option<PathBuf>,

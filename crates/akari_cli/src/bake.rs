@@ -1,7 +1,7 @@
 //! `akari bake`: what each point of a static scene sees.
 
 use crate::args::{BakeArgs, Common, WhatArg};
-use crate::bake_file::{histogram, write_error};
+use crate::bake_file::{check_is_bake, histogram, write_error};
 use crate::console::{print_json, print_result};
 use crate::error::{CliError, INTERRUPTED};
 use crate::load::{check_output, load_scene};
@@ -71,17 +71,6 @@ pub fn options(args: &BakeArgs) -> Options {
         resume: args.resume,
         ..Options::default()
     }
-}
-
-/// Refuses to replace a file that is something else: a scene, by a slip.
-fn check_is_bake(path: &Path) -> Result<(), CliError> {
-    if !path.exists() || crate::bake_file::begins_as_bake(path) {
-        return Ok(());
-    }
-    Err(CliError::usage(format!(
-        "--out {}: there is a file that is no bake; name another one, or remove it",
-        path.display()
-    )))
 }
 
 fn bake_error(args: &BakeArgs, error: Error) -> CliError {

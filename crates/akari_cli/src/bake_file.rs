@@ -39,6 +39,20 @@ pub fn begins_as_bake(path: &Path) -> bool {
         && has_magic(&start)
 }
 
+/// Refuses to replace a file that is something else: a scene, by a slip.
+///
+/// # Errors
+/// If it is there and no bake.
+pub fn check_is_bake(path: &Path) -> Result<(), CliError> {
+    if !path.exists() || begins_as_bake(path) {
+        return Ok(());
+    }
+    Err(CliError::usage(format!(
+        "--out {}: there is a file that is no bake; name another one, or remove it",
+        path.display()
+    )))
+}
+
 /// Whether a bake is meant: by the name, since a damaged one is to be told of as such, or by the content.
 pub fn is_meant(path: &Path) -> bool {
     path.extension()

@@ -43,7 +43,8 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
     let mut normal = fitting(&args.normal)?;
     let position = fitting(&args.position)?;
     let roughness = optional(&args.roughness, 1.0)?;
-    let albedo = optional(&args.albedo, 1.0)?;
+    let mut albedo = optional(&args.albedo, 1.0)?;
+    let emission = optional(&args.emission, 0.0)?;
     if let Some(path) = &args.depth {
         let depth = fitting(path)?;
         for (normal, [depth, _, _]) in normal.data.iter_mut().zip(&depth.data) {
@@ -52,6 +53,7 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
             }
         }
     }
+    let reflected = without_emission(&color, &emission, &mut albedo);
     check_interrupt()?;
     let options = HeadlessOptions {
         adapter: common.adapter.clone(),
@@ -77,9 +79,8 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
         camera: Vec3::from(args.camera_position),
     });
     check_interrupt()?;
-    let scale = radiance_scale(&color, &albedo);
-    let scaled: Vec<[f32; 3]> = color
-        .data
+    let scale = radiance_scale(&reflected, &albedo);
+    let scaled: Vec<[f32; 3]> = reflected
         .iter()
         .map(|pixel| pixel.map(|channel| channel * scale))
         .collect();
@@ -101,7 +102,8 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
             let lit =
                 normal.data[i].iter().any(|x| *x != 0.0) && albedo.data[i].iter().any(|x| *x > 0.0);
             if lit {
-                filtered.map(|channel| channel / scale)
+                let emitted = emission.data[i];
+                std::array::from_fn(|channel| filtered[channel] / scale + emitted[channel])
             } else {
                 *original
             }
@@ -115,11 +117,34 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
     write_picture(&args.out, &image, args.exposure)
 }
 
+/// What surfaces reflect. Where the emission is more than all there is (an antialiased edge of a light, or no number),
+/// the two cannot be told apart: the albedo becomes 0, and the pixel stays as it is and is nobody's neighbour.
+fn without_emission(color: &RgbImage, emission: &RgbImage, albedo: &mut RgbImage) -> Vec<[f32; 3]> {
+    /// Of the emission: what texture filters and 16-bit floats differ by.
+    const TOLERANCE: f32 = 1e-3;
+    let pixels = color.data.iter().zip(&emission.data).zip(&mut albedo.data);
+    pixels
+        .map(|((color, emission), albedo)| {
+            if *emission == [0.0; 3] {
+                return *color;
+            }
+            let fits = color.iter().zip(emission).all(|(color, emission)| {
+                *emission >= 0.0 && color - emission >= -TOLERANCE * emission
+            });
+            if !fits {
+                *albedo = [0.0; 3];
+                return [0.0; 3];
+            }
+            std::array::from_fn(|channel| (color[channel] - emission[channel]).max(0.0))
+        })
+        .collect()
+}
+
 /// A power of two that brings the mean of the demodulated radiance to about 1: estimates are kept in half precision.
-fn radiance_scale(color: &RgbImage, albedo: &RgbImage) -> f32 {
+fn radiance_scale(color: &[[f32; 3]], albedo: &RgbImage) -> f32 {
     let mut sum = 0.0f64;
     let mut count = 0u32;
-    for (color, albedo) in color.data.iter().zip(&albedo.data) {
+    for (color, albedo) in color.iter().zip(&albedo.data) {
         for (color, albedo) in color.iter().zip(albedo) {
             if *albedo > 0.0 && color.is_finite() && *color > 0.0 {
                 sum += f64::from(*color);
@@ -180,4 +205,50 @@ fn settings(args: &DenoiseArgs) -> Result<Denoise, CliError> {
             .map_err(|error| CliError::usage(error.to_string()))?;
     }
     Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn emission_is_taken_out_where_it_can_be() {
+        let image = |data: &[[f32; 3]]| RgbImage {
+            width: data.len() as u32,
+            height: 1,
+            data: data.to_vec(),
+        };
+        let nan = f32::NAN;
+        let color = image(&[
+            [1.0, 2.0, 3.0],
+            [5.0; 3],
+            [5.0; 3],
+            [5.0; 3],
+            [nan; 3],
+            [5.0; 3],
+        ]);
+        let emission = image(&[
+            [0.0; 3],
+            [5.0, 4.0, 0.0],
+            [6.0, 4.0, 0.0],
+            [5.004, 1.0, 1.0],
+            [1.0; 3],
+            [nan, 0.0, 0.0],
+        ]);
+        let mut albedo = image(&[[1.0; 3]; 6]);
+        let reflected = without_emission(&color, &emission, &mut albedo);
+        assert_eq!(
+            reflected,
+            [
+                [1.0, 2.0, 3.0],
+                [0.0, 1.0, 5.0],
+                [0.0; 3],
+                [0.0, 4.0, 4.0],
+                [0.0; 3],
+                [0.0; 3]
+            ]
+        );
+        let filtered: Vec<bool> = albedo.data.iter().map(|a| *a != [0.0; 3]).collect();
+        assert_eq!(filtered, [true, true, false, true, false, false]);
+    }
 }

@@ -1,7 +1,7 @@
 //! `akari merge`: joins the parts of a sharded bake.
 
 use crate::args::{Common, MergeArgs};
-use crate::bake_file::{read_error, write_error};
+use crate::bake_file::{check_is_bake, read_error, write_error};
 use crate::console::print_result;
 use crate::error::CliError;
 use crate::load::check_output;
@@ -14,6 +14,7 @@ use akari_visibility::part::{MergeError, Part, merge};
 /// With the exit code of what went wrong; parts are named.
 pub fn run(args: &MergeArgs, common: &Common) -> Result<(), CliError> {
     check_output(&args.out)?;
+    check_is_bake(&args.out)?;
     let same = |a: &std::path::Path| a.canonicalize().ok();
     if args
         .parts

@@ -1,6 +1,7 @@
 //! `akari render`: a glTF scene through the Bevy plugins, headless.
 
 use crate::args::{Common, QualityArg, RenderArgs};
+use crate::bake_file::read_error;
 use crate::console::warn;
 use crate::error::CliError;
 use crate::load::{
@@ -23,7 +24,6 @@ use bevy_akari::render::demand::Demand;
 use bevy_akari::render::guides::NeedsGuides;
 use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari::visibility::bake::Bake;
-use bevy_akari::visibility::container::FileError;
 use std::path::Path;
 use std::time::Instant;
 
@@ -277,11 +277,10 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
 
 /// Reads a bake, and refuses it if it is of another scene or state.
 fn load_bake(path: &Path, scene: &Scene) -> Result<Bake, CliError> {
-    let refused = |error: FileError| CliError::input(error.to_string());
-    let bake = Bake::read(path).map_err(refused)?;
+    let bake = Bake::read(path).map_err(read_error)?;
     let layout = SceneLayout::of(scene);
     bake.check_scene(path, layout.source, &layout.instances)
-        .map_err(refused)?;
+        .map_err(read_error)?;
     Ok(bake)
 }
 

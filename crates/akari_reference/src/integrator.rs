@@ -141,6 +141,16 @@ impl Integrator<'_> {
         weight * environment.radiance(ray.direction)
     }
 
+    /// Radiance that a surface in sight shows by itself: its emission, or its colour if it is unlit.
+    pub(crate) fn shown(&self, ray: &Ray, hit: &Hit, surface: &Surface) -> Vec3 {
+        let emitted = self.emitted(ray, hit, None);
+        if surface.unlit && self.max_depth > 1 {
+            emitted + surface.albedo
+        } else {
+            emitted
+        }
+    }
+
     /// Radiance that the surface met emits against the ray, weighted if a surface sampled it.
     fn emitted(&self, ray: &Ray, hit: &Hit, previous: Option<&Previous>) -> Vec3 {
         let Some(emitter) = self.world.emitter_at(hit.triangle, hit.u, hit.v) else {

@@ -62,10 +62,13 @@ pub struct Aovs {
     pub roughness: Vec<f32>,
     /// World-space position, metres.
     pub position: Vec<[f32; 3]>,
+    /// Radiance that the surface shows by itself: emission, and the colour of unlit surfaces.
+    pub emission: Vec<[f32; 3]>,
 }
 
 impl Aovs {
-    /// Writes `depth.exr`, `normal.exr`, `albedo.exr`, `roughness.exr` and `position.exr` into an existing folder.
+    /// Writes `depth.exr`, `normal.exr`, `albedo.exr`, `roughness.exr`, `position.exr` and `emission.exr` into an
+    /// existing folder.
     pub fn write(&self, folder: &Path) -> Result<(), SceneError> {
         let rgb = |name: &str, data: &Vec<[f32; 3]>| {
             let image = RgbImage {
@@ -78,6 +81,7 @@ impl Aovs {
         rgb("normal.exr", &self.normal)?;
         rgb("albedo.exr", &self.albedo)?;
         rgb("position.exr", &self.position)?;
+        rgb("emission.exr", &self.emission)?;
         let gray = |name: &str, data: &[f32]| {
             write_gray(&folder.join(name), self.width, self.height, data)
         };

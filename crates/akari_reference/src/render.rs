@@ -164,6 +164,7 @@ struct Features {
     albedo: [f32; 3],
     roughness: f32,
     position: [f32; 3],
+    emission: [f32; 3],
 }
 
 struct Job<'a> {
@@ -267,6 +268,7 @@ fn assemble_aovs(options: &Options, tiles: &[Tile]) -> Aovs {
         albedo: vec![[0.0; 3]; count],
         roughness: vec![0.0; count],
         position: vec![[0.0; 3]; count],
+        emission: vec![[0.0; 3]; count],
     };
     for_each_pixel(options, tiles, |i, tile, k| {
         let f = &tile.features[k];
@@ -275,6 +277,7 @@ fn assemble_aovs(options: &Options, tiles: &[Tile]) -> Aovs {
         aovs.albedo[i] = f.albedo;
         aovs.roughness[i] = f.roughness;
         aovs.position[i] = f.position;
+        aovs.emission[i] = f.emission;
     });
     aovs
 }
@@ -388,6 +391,7 @@ impl Job<'_> {
             position: (surface.position.as_dvec3() + world.origin)
                 .as_vec3()
                 .to_array(),
+            emission: self.integrator.shown(&ray, &hit, &surface).to_array(),
         }
     }
 }

@@ -12,25 +12,22 @@ const TRIED: usize = 64;
 
 /// Loads the bytes of a file, whatever they are; what is accepted is used as a program would.
 ///
-/// Must return for any bytes, without a panic, and without more memory than [`crate::container`] states.
-pub fn load_and_use(bytes: &[u8]) {
+/// Must return for any bytes, without a panic, and without more memory than [`crate::container`] states. Tells whether
+/// they were accepted.
+pub fn load_and_use(bytes: &[u8]) -> bool {
     let Ok(container) = Container::from_bytes(Path::new("fuzz"), bytes) else {
-        return;
+        return false;
     };
-    match container.kind() {
-        Kind::Bake => {
-            if let Ok(bake) = Bake::from_container(&container) {
-                use_bake(&bake);
-            }
-        }
-        Kind::Part => {
-            if let Ok(part) = Part::from_container(&container)
-                && let Ok(bake) = merge(&[("fuzz".to_owned(), part)])
-            {
-                use_bake(&bake);
-            }
-        }
+    let bake = match container.kind() {
+        Kind::Bake => Bake::from_container(&container).ok(),
+        Kind::Part => Part::from_container(&container)
+            .ok()
+            .and_then(|part| merge(&[("fuzz".to_owned(), part)]).ok()),
+    };
+    if let Some(bake) = &bake {
+        use_bake(bake);
     }
+    bake.is_some()
 }
 
 fn use_bake(bake: &Bake) {

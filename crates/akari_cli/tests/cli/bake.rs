@@ -204,6 +204,11 @@ fn shards_make_the_same_file() {
         INPUT,
         &["no/x.akari", "make it first"],
     );
+    place.refused(
+        &["merge", "3-1.akari", "--out", "text.akari"],
+        USAGE,
+        &["text.akari", "no bake"],
+    );
     place.refused(&["merge", "--out", "x.akari"], USAGE, &["<PART>"]);
 }
 
@@ -359,6 +364,34 @@ fn damaged_files_are_refused() {
     let report = json(&bake(&place, "a.akari", &["--json"]).ok().stdout);
     assert_eq!(report["was_complete"], false, "{report}");
     assert!(bytes(&place, "a.akari") == whole);
+}
+
+#[test]
+fn render_refuses_bakes_of_something_else() {
+    let place = Place::new();
+    let scene = asset("cornell.glb");
+    bake(&place, "a.akari", &[]).ok();
+    bake(&place, "part.akari", &["--shard", "1/2"]).ok();
+    let whole = bytes(&place, "a.akari");
+    std::fs::write(place.file("cut.akari"), &whole[..whole.len() / 2]).expect("a file");
+    let mut flipped = whole;
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    std::fs::write(place.file("flipped.akari"), &flipped).expect("a file");
+    std::fs::write(place.file("text.akari"), "not a bake").expect("a file");
+    table().write(place.path(), "other.gltf");
+    let other = "other.gltf";
+    for (scene, bake, says) in [
+        (scene.as_str(), "none.akari", "check the path"),
+        (&scene, "cut.akari", "damaged"),
+        (&scene, "flipped.akari", "checksum"),
+        (&scene, "text.akari", "is not a bake"),
+        (&scene, "part.akari", "akari merge"),
+        (other, "a.akari", "`akari bake` again"),
+    ] {
+        let arguments = ["render", scene, "--bake", bake, "--out", "x.exr"];
+        place.refused(&arguments, INPUT, &[bake, says]);
+    }
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! `akari denoise`.
 
+use crate::gltf::{Gltf, LIGHT, QUAD};
 use crate::run::{Outcome, Place, asset, has_adapter};
 use akari_scene::exr_io::{RgbImage, read_rgb, write_rgb};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const USAGE: i32 = 2;
 const INPUT: i32 = 3;
@@ -177,13 +178,10 @@ fn wrong_input_is_refused() {
             place.refused(&all, USAGE, &[argument]);
         }
     }
-    refused(
-        "noisy.exr",
-        "x.exr",
-        &["--depth", "small.exr"],
-        INPUT,
-        &["small.exr"],
-    );
+    for more in ["--depth", "--emission"] {
+        let small = "small.exr";
+        refused("noisy.exr", "x.exr", &[more, small], INPUT, &[small]);
+    }
     for (more, says) in [
         (&["--method", "magic"][..], &["magic", "guided"][..]),
         (&["--set", "denoise.glitter=1"], &["glitter"]),
@@ -208,6 +206,76 @@ fn wrong_input_is_refused() {
         NO_ADAPTER,
         &["no such thing"],
     );
+}
+
+#[test]
+fn emitters_of_any_colour_are_left_alone() {
+    if !has_adapter() {
+        return;
+    }
+    let place = Place::new();
+    // The lamp's base colour is white, as glTF has it where a file says nothing; it hangs from a ceiling.
+    let mut gltf = Gltf::lit();
+    let ceiling = LIGHT.map(|[x, _, z]| [3.0 * x, 2.001, 3.0 * z]);
+    let paint = json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0 } });
+    gltf.add("ceiling", &ceiling, &QUAD, &paint);
+    gltf.write(place.path(), "s.gltf");
+    let reference = [
+        "reference",
+        "s.gltf",
+        "--size",
+        SIZE,
+        "--max-depth",
+        "3",
+        "--quiet",
+    ];
+    let rest = [
+        "--spp",
+        "2",
+        "--out",
+        "noisy.exr",
+        "--aov",
+        "aov",
+        "--pixel-centers",
+    ];
+    place.akari(&[&reference[..], &rest].concat()).ok();
+    let (color, emission) = (read(&place, "noisy.exr"), read(&place, "aov/emission.exr"));
+    let lamp: Vec<usize> = (0..emission.data.len())
+        .filter(|i| emission.data[*i] != [0.0; 3])
+        .collect();
+    assert!(
+        lamp.len() > 20,
+        "the lamp is in the picture: {}",
+        lamp.len()
+    );
+    for &i in &lamp {
+        assert_eq!(emission.data[i], [10.0; 3]);
+        assert!(color.data[i][0] >= 10.0);
+    }
+    // Lobes alone, which tell the two surfaces from each other by nothing.
+    let method = ["--method", "lobe"];
+    let more = [&method[..], &["--emission", "aov/emission.exr"]].concat();
+    denoise(&place, "noisy.exr", "a.exr", &more).ok();
+    denoise(&place, "noisy.exr", "b.exr", &method).ok();
+    let (with, without) = (read(&place, "a.exr"), read(&place, "b.exr"));
+    // Two metres above a brown floor, the lamp reflects a few percent of what it emits.
+    let off = |image: &RgbImage| {
+        let worst = |i: &usize| (image.data[*i][0] - 10.0).abs();
+        lamp.iter().map(worst).fold(0.0, f32::max)
+    };
+    assert!(off(&with) < 0.6, "{} with", off(&with));
+    assert!(off(&without) > 2.0, "{} without", off(&without));
+    // The lamp's light does not leak into the ceiling.
+    let brightest = |image: &RgbImage| {
+        let dark = (0..image.data.len()).filter(|i| emission.data[*i] == [0.0; 3]);
+        dark.map(|i| image.data[i][0]).fold(0.0, f32::max)
+    };
+    assert!(
+        brightest(&with) <= brightest(&color),
+        "{}",
+        brightest(&with)
+    );
+    assert!(brightest(&without) > 2.0, "{}", brightest(&without));
 }
 
 #[test]

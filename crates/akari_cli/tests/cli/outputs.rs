@@ -66,7 +66,14 @@ fn progress_and_noise() {
         .collect();
     let last = lines.last().expect("a line");
     assert_eq!(last["done"], last["total"], "{last}");
-    for name in ["depth", "normal", "albedo", "roughness", "position"] {
+    for name in [
+        "depth",
+        "normal",
+        "albedo",
+        "roughness",
+        "position",
+        "emission",
+    ] {
         assert!(
             place.file(&format!("deep/aov/{name}.exr")).is_file(),
             "{name}"

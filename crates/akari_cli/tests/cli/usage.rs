@@ -82,7 +82,6 @@ fn wrong_arguments_are_refused_with_what_is_right() {
         (&["--camera", "99"], &["99", "there are"]),
         (&["--camera", "-1"], &["-1"]),
         (&["--stats", "x.exr"], &["the same file"]),
-        (&["--bake", "b.akari"], &["--bake"]),
     ] {
         let command: Vec<&str> = ["render", scene, "--out", "x.exr"]
             .iter()

@@ -77,7 +77,11 @@ impl BakeFile {
             Some(path) => Ok(Self::Named(path)),
             None => std::env::current_exe()
                 .map(|program| Self::Kept(program.with_file_name(name)))
-                .map_err(|error| format!("the program does not know where it is ({error}): name a file with --bake")),
+                .map_err(|error| {
+                    format!(
+                        "the program does not know where it is ({error}): name a file with --bake"
+                    )
+                }),
         }
     }
 
@@ -93,7 +97,9 @@ impl BakeFile {
             return Ok(());
         };
         if !path.exists() {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+            let folder = path
+                .parent()
+                .filter(|folder| !folder.as_os_str().is_empty());
             return match folder {
                 Some(folder) if !folder.is_dir() => Err(format!(
                     "--bake {}: there is no folder {}",
@@ -103,9 +109,8 @@ impl BakeFile {
                 _ => Ok(()),
             };
         }
-        let bake = Bake::read(path).map_err(|error| {
-            format!("--bake {error}. Name another file, or remove this one")
-        })?;
+        let bake = Bake::read(path)
+            .map_err(|error| format!("--bake {error}. Name another file, or remove this one"))?;
         if bake.identity == akari_bake::identity(geometry, options) {
             return Ok(());
         }
@@ -293,7 +298,10 @@ mod tests {
         std::fs::write(folder.join("note.txt"), "mine").expect("a file");
         let foreign = bake_quad(&named("note.txt"), 32).expect_err("no bake");
         assert!(foreign.contains("note.txt"), "{foreign}");
-        assert_eq!(std::fs::read(folder.join("note.txt")).expect("kept"), b"mine");
+        assert_eq!(
+            std::fs::read(folder.join("note.txt")).expect("kept"),
+            b"mine"
+        );
         let missing = bake_quad(&named("none/quad.akari"), 32).expect_err("no folder");
         assert!(missing.contains("no folder"), "{missing}");
         // A file that is kept beside the program is replaced.

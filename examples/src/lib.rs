@@ -1,8 +1,11 @@
 //! What the examples share: the picture that they draw to a file where there is no window, and where assets are.
 
+pub mod baking;
 pub mod controls;
 pub mod demo;
 pub mod orbit;
+pub mod shadow_probe;
+pub mod shapes;
 pub mod stochastic;
 pub mod unfiltered;
 

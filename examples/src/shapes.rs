@@ -209,12 +209,7 @@ pub fn bunny() -> Body {
     let smooth = |_: Vec3| 1.0;
     let fur = |d: Vec3| 1.0 + 0.03 * (9.0 * d.x).sin() * (8.0 * d.y).sin() * (7.0 * d.z).cos();
     let mut bunny = Body::default();
-    bunny.add_ellipsoid(
-        at(0.0, 0.42, -0.05),
-        Vec3::new(0.36, 0.40, 0.44),
-        FINE,
-        fur,
-    );
+    bunny.add_ellipsoid(at(0.0, 0.42, -0.05), Vec3::new(0.36, 0.40, 0.44), FINE, fur);
     bunny.add_ellipsoid(
         at(0.0, 0.88, 0.22),
         Vec3::new(0.25, 0.23, 0.27),

@@ -177,11 +177,11 @@ fn main() -> ExitCode {
     })
 }
 
-/// Small enough for some seconds on two cores.
+/// Coarser than the defaults: some seconds on two cores.
 fn bake_options() -> akari_bake::Options {
     akari_bake::Options {
-        face_size: 64,
-        max_level: 5,
+        shadow_tolerance: 0.05,
+        max_level: 4,
         ..default()
     }
 }
@@ -196,7 +196,7 @@ struct Part {
 }
 
 /// Side of a square of the floor and the wall, metres: each has samples of its own fineness.
-const SQUARE: f32 = 1.0;
+const SQUARE: f32 = 0.5;
 
 fn parts() -> Vec<Part> {
     let at = Transform::from_xyz;
@@ -238,8 +238,8 @@ fn parts() -> Vec<Part> {
     ];
     /// Width, height and thickness of a slat, metres.
     const SLAT: Vec3 = Vec3::new(0.1, 0.85, 0.03);
-    const SLATS: i32 = 11;
-    const SPACING: f32 = 0.24;
+    const SLATS: i32 = 9;
+    const SPACING: f32 = 0.28;
     const FENCE_Z: f32 = -0.75;
     let mut wood = |name, size: Vec3, place: Vec3| {
         parts.push(Part {

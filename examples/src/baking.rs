@@ -4,7 +4,7 @@
 //! `BakedVisibility(asset_server.load("SCENE.akari"))` loads it.
 
 use akari_bake::{Geometry, GeometryOptions, MeshInput, Options, Phase, Progress, Roles, Status};
-use bevy::math::{DAffine3, DMat3, DVec3};
+use bevy::math::{DAffine3, DMat3, DVec3, Vec3A};
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 use bevy_akari::prelude::*;
@@ -41,7 +41,7 @@ impl StaticMesh {
         };
         indices.truncate(indices.len() / 3 * 3);
         let affine = place.compute_affine();
-        let column = |v: bevy::math::Vec3A| DVec3::from(Vec3::from(v));
+        let column = |v: Vec3A| DVec3::from(Vec3::from(v));
         let m = affine.matrix3;
         Ok(Self {
             name: name.to_owned(),

@@ -17,7 +17,7 @@ use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_depth_2d, uniform_buffer,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
@@ -33,8 +33,9 @@ pub const DEBUG_LABEL: &str = "akari_area_light_shadow_debug";
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash, Reflect)]
 #[reflect(Default, Debug, Clone, PartialEq)]
 pub enum AreaShadowDebugView {
-    /// Share of the lights' irradiance that arrives by the samples around the pixel, black to white: the mean over the
-    /// lights that would reach it if nothing stood between. Dark blue where none would, violet on what was not baked.
+    /// Share of the irradiance of all lights together that arrives by the samples around the pixel, black to white;
+    /// images and ranges of lights do not count. Dark blue where no light would shine if nothing stood between, violet
+    /// on what was not baked.
     #[default]
     Ratio,
     /// Where the samples are: each triangle in the colour of its grid's level, with white edges and the edges of the
@@ -149,6 +150,7 @@ impl ShadowDebugPipelines {
                         uniform_buffer::<GpuShadowDebug>(false),
                         storage_buffer_read_only_sized(false, Some(GpuAreaLight::min_size())),
                         storage_buffer_read_only_sized(false, None),
+                        texture_2d(TextureSampleType::Uint),
                     ),
                 ),
             ),
@@ -228,11 +230,12 @@ fn prepare_debug_views(
         let buffers = lights
             .as_ref()
             .and_then(|lights| lights.of_cells(view_lights.texture_cells()));
-        let (true, Some(buffers), Some(view_uniform), Some(depth)) = (
+        let (true, Some(buffers), Some(view_uniform), Some(depth), Some(gbuffer)) = (
             has_shadows,
             buffers,
             view_uniforms.uniforms.binding(),
             prepass.depth_view(),
+            prepass.deferred_view(),
         ) else {
             commands.entity(entity).remove::<ViewShadowDebugPass>();
             continue;
@@ -266,6 +269,7 @@ fn prepare_debug_views(
                 uniform.as_entire_binding(),
                 buffers.lights.as_entire_binding(),
                 buffers.vertices.as_entire_binding(),
+                gbuffer,
             )),
         );
         let pipeline = pipelines.pipeline(&cache, view.target_format, debug.0.view);

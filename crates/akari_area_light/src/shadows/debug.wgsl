@@ -5,6 +5,10 @@
 #import akari_render::gbuffer::{position_relative, view_direction}
 #import akari_area_light::shadow_types::ShadowDebug
 #ifdef VIEW_RATIO
+#import akari_math::frame::orthonormal_basis
+#import akari_math::ltc::polygon::{lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new}
+#import akari_render::gbuffer::unpack_surface
+#import akari_area_light::types::{AreaLight, FLAG_TWO_SIDED}
 #import akari_area_light::shadows::{Samples, interpolate_shadow, shadow_samples}
 #endif
 #ifdef VIEW_GRID
@@ -24,9 +28,12 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var depth_texture: texture_depth_2d;
 @group(0) @binding(2) var<uniform> shadow_debug: ShadowDebug;
-#ifdef VIEW_LEAVES
+#ifndef VIEW_GRID
 @group(0) @binding(3) var<storage, read> lights: array<AreaLight>;
 @group(0) @binding(4) var<storage, read> vertices: array<vec4<f32>>;
+#endif
+#ifdef VIEW_RATIO
+@group(0) @binding(5) var gbuffer_texture: texture_2d<u32>;
 #endif
 
 // What was not baked.
@@ -36,24 +43,43 @@ const NOT_BAKED: vec3<f32> = vec3<f32>(0.25, 0.0, 0.2);
 // Where no light shines, whatever stands before it.
 const TURNED_AWAY: vec3<f32> = vec3<f32>(0.0, 0.02, 0.15);
 
-// Mean over the lights of the share of their irradiance that arrives.
-fn ratio_color(samples: Samples) -> vec3<f32> {
+// Irradiance of a light if nothing stood before it, over π: form factor times the sum of its radiance, images and ranges
+// left out.
+fn unshadowed(light: AreaLight, position_rel: vec3<f32>, frame: mat3x3<f32>) -> f32 {
+    let center = (light.center_ws - view.world_position) - position_rel;
+    let height = -dot(light.normal_ws, center);
+    if height <= 0.0 && (light.flags & FLAG_TWO_SIDED) == 0u {
+        return 0.0;
+    }
+    var polygon = lambert_polygon_new();
+    var a = (center + vertices[light.vertex_offset + light.vertex_count - 1u].xyz) * frame;
+    for (var i = 0u; i < light.vertex_count; i++) {
+        let b = (center + vertices[light.vertex_offset + i].xyz) * frame;
+        lambert_polygon_add_edge(&polygon, a, b);
+        a = b;
+    }
+    lambert_polygon_close(&polygon);
+    let integral = max(select(-polygon.diffuse.z, polygon.diffuse.z, height > 0.0), 0.0);
+    return integral * (light.radiance.r + light.radiance.g + light.radiance.b);
+}
+
+// Share of the irradiance of all lights that arrives.
+fn ratio_color(samples: Samples, position_rel: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     if samples.count == 0u {
         return NOT_BAKED;
     }
-    var sum = 0.0;
-    var count = 0.0;
-    for (var light = 0u; light < shadow_debug.light_count; light++) {
-        var of_light = samples;
-        let shadow = interpolate_shadow(&of_light, light);
-        // No sample knows of this light.
-        if shadow.highest < shadow.lowest {
-            continue;
+    let frame = orthonormal_basis(normal);
+    var arrives = 0.0;
+    var whole = 0.0;
+    for (var i = 0u; i < shadow_debug.light_count; i++) {
+        let irradiance = unshadowed(lights[i], position_rel, frame);
+        if irradiance > 0.0 {
+            var of_light = samples;
+            arrives += irradiance * interpolate_shadow(&of_light, i).ratio;
+            whole += irradiance;
         }
-        sum += shadow.ratio;
-        count += 1.0;
     }
-    return select(TURNED_AWAY, vec3(sum / max(count, 1.0)), count > 0.0);
+    return select(TURNED_AWAY, vec3(arrives / max(whole, 1e-30)), whole > 0.0);
 }
 #endif
 
@@ -273,7 +299,8 @@ fn debug(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     }
     return color;
 #else
-    return vec4(ratio_color(samples), 1.0);
+    let surface = unpack_surface(textureLoad(gbuffer_texture, pixel, 0));
+    return vec4(ratio_color(samples, position_rel, surface.normal_ws), 1.0);
 #endif
 #endif
 }

@@ -85,7 +85,7 @@ struct Controls {
     #[arg(long, value_name = "X,Y", value_parser = parse_cursor)]
     cursor: Option<Vec2>,
     /// Where the moving light is, seconds after its start
-    #[arg(long, value_name = "SECONDS", default_value_t = 2.6, value_parser = parse_time)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.2, value_parser = parse_time)]
     time: f32,
     /// The light carries a picture
     #[arg(long)]
@@ -274,21 +274,23 @@ struct Fill;
 struct Panel;
 
 /// Width and height of the moving light, metres.
-const LIGHT: Vec2 = Vec2::new(1.1, 0.7);
+const LIGHT: Vec2 = Vec2::new(0.9, 0.6);
 /// Luminance of the moving light and of the other one, nits.
-const LUMINANCE: f32 = 26.0;
-const FILL_LUMINANCE: f32 = 9.0;
+const LUMINANCE: f32 = 45.0;
+const FILL_LUMINANCE: f32 = 22.0;
 
-/// Where the moving light is at a time: over the scene, turning about its axis, growing and shrinking.
+/// Where the moving light is at a time: on its way around the scene, turning about its axis, growing and shrinking.
+///
+/// It stays above and outside of everything: visibility is told by direction, so that what stands behind a light would
+/// hide it, too.
 fn light_place(time: f32) -> Transform {
-    let place = Vec3::new(
-        1.5 * (0.5 * time).sin(),
-        2.25 + 0.2 * (0.9 * time).sin(),
-        -0.4 + 0.9 * (0.37 * time).cos(),
-    );
+    const RADII: Vec2 = Vec2::new(2.3, 1.5);
+    const START: f32 = -0.7;
+    let around = Vec2::from_angle(START + 0.4 * time) * RADII;
+    let height = 2.1 + 0.2 * (0.9 * time).sin();
     let scale = 1.0 + 0.35 * (0.7 * time).sin();
-    let mut light = Transform::from_translation(place)
-        .looking_at(Vec3::new(0.2 * place.x, 0.0, 0.3), Vec3::Z)
+    let mut light = Transform::from_xyz(around.x, height, around.y - 0.2)
+        .looking_at(Vec3::new(0.0, 0.3, 0.2), Vec3::Y)
         .with_scale(Vec3::splat(scale));
     light.rotate_local_z(0.35 * time);
     light

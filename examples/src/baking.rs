@@ -187,13 +187,16 @@ pub fn bake(
     };
     let report = akari_bake::bake(&geometry, options, file.path(), &reporter).map_err(text)?;
     if !report.was_complete {
+        let cores = report.cpu_seconds.map_or_else(String::new, |seconds| {
+            format!(" ({seconds:.1} core-seconds)")
+        });
         eprintln!(
-            "baked {} samples of {} triangles in {:.1} s into {} ({} kB)",
+            "baked {} samples of {} triangles in {:.1} s{cores} into {}, {:.1} MB",
             report.samples,
             report.triangles,
             report.seconds,
             file.path().display(),
-            report.bytes / 1000
+            report.bytes as f64 / 1e6
         );
     }
     Bake::read(file.path()).map_err(|error| error.to_string())

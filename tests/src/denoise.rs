@@ -107,7 +107,7 @@ impl Lab {
     }
 
     /// Named by the content of the scene, so that a changed scene is rendered again.
-    fn cached(&self, what: &str) -> PathBuf {
+    pub fn cached(&self, what: &str) -> PathBuf {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
         std::fs::read(scene_path(&self.name))

@@ -18,8 +18,9 @@ use bevy::render::renderer::RenderDevice;
 use bevy_akari::area_light::demand::VISIBLE_AREA_LIGHTS;
 use bevy_akari::headless::{Headless, HeadlessOptions};
 use bevy_akari::prelude::*;
-use bevy_akari::render::capture::CaptureBuffers;
 use bevy_akari::render::census::Census;
+use bevy_akari::render::demand::Demand;
+use bevy_akari::render::guides::NeedsGuides;
 use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari::visibility::bake::Bake;
 use bevy_akari::visibility::container::FileError;
@@ -38,7 +39,7 @@ const EFFECTS: [&str; 8] = [
     "upsample",
 ];
 /// Those of them that this version has.
-const AVAILABLE_EFFECTS: [&str; 2] = ["area-lights", "shadows"];
+const AVAILABLE_EFFECTS: [&str; 5] = ["area-lights", "shadows", "lobes", "denoise", "upsample"];
 
 /// Frames that are timed for `--stats` unless `--frames` says how many.
 const TIMED_FRAMES: u32 = 5;
@@ -95,6 +96,17 @@ impl WantedEffects {
         match self {
             Self::Auto => true,
             Self::Only(names) => names.iter().any(|name| name == "shadows"),
+        }
+    }
+}
+
+impl WantedEffects {
+    /// Whether lobes are made even if no effect reads them. Denoising and upsampling bring theirs with the signals that
+    /// they clean up.
+    fn lobes(&self) -> bool {
+        match self {
+            Self::Auto => false,
+            Self::Only(names) => names.iter().any(|name| name == "lobes"),
         }
     }
 }
@@ -178,12 +190,12 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     if args.bevy_rect_lights {
         crate::spawn::replace_by_bevy_rect_lights(&mut headless, common)?;
     }
+    let world = headless.app.world_mut();
+    if wanted.lobes() {
+        world.entity_mut(view).insert(NeedsGuides);
+    }
     if args.buffers.is_some() {
-        headless
-            .app
-            .world_mut()
-            .entity_mut(view)
-            .insert(CaptureBuffers::default());
+        crate::buffers::ask(world, view, &settings.lobes, wanted.lobes());
     }
     headless.step_until_ready()?;
 
@@ -241,6 +253,12 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
             .iter()
             .map(|(name, count)| (*name, count - passes_before.get(name).copied().unwrap_or(0)))
             .collect();
+        // Part of the denoiser, and told of by its own name.
+        let mut report = headless.app.world_mut().resource_mut::<EffectReport>();
+        report.record(
+            "upsample",
+            Demand::idle("no signal is drawn at a lower resolution"),
+        );
         let world = headless.app.world();
         let stats = Stats::new(
             headless.adapter(),

@@ -21,6 +21,7 @@ use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
+pub mod capture;
 pub mod demand;
 pub mod extract;
 pub mod normal_maps;
@@ -62,7 +63,10 @@ impl Plugin for LobesPlugin {
             return;
         };
         render_app
-            .add_systems(ExtractSchedule, extract::extract_lobe_views)
+            .add_systems(
+                ExtractSchedule,
+                (extract::extract_lobe_views, capture::extract_lobe_captures),
+            )
             .add_systems(
                 Render,
                 (
@@ -71,6 +75,7 @@ impl Plugin for LobesPlugin {
                         .in_set(RenderSystems::Prepare),
                     prepare::prepare_lobe_textures.in_set(RenderSystems::PrepareResources),
                     prepare::prepare_lobe_bind_groups.in_set(RenderSystems::PrepareBindGroups),
+                    capture::collect_lobe_captures.in_set(RenderSystems::Cleanup),
                 ),
             )
             .add_systems(

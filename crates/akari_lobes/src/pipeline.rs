@@ -20,8 +20,10 @@ pub const FILTER_ROUGHNESS_LABEL: &str = "akari_lobes_filter_roughness";
 /// Label of the pass that puts filtered roughness into the G-buffer, and of its time span.
 pub const STORE_ROUGHNESS_LABEL: &str = "akari_lobes_store_roughness";
 
-/// Format of stored lobes: `akari_math::lobe_packing::lobe_pack`.
+/// Format of stored lobes: `akari_math::lobe_packing::lobe_pack`, or twice [`NO_LOBE`].
 pub const LOBE_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
+/// What is stored where there is no lit surface, as in `build.wgsl`: a width that is no number.
+pub const NO_LOBE: u32 = u32::MAX;
 /// Format of the filtered first word of the G-buffer.
 pub const WORD_FORMAT: TextureFormat = TextureFormat::R32Uint;
 /// Bytes of the uniform of the roughness filter.

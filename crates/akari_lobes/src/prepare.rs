@@ -27,6 +27,13 @@ pub struct LobeTextures {
     words: Option<(TextureView, Buffer, f32)>,
 }
 
+impl LobeTextures {
+    /// Stored lobes, if they are stored.
+    pub(crate) fn lobes(&self) -> Option<&TextureView> {
+        self.lobes.as_ref()
+    }
+}
+
 /// Pipelines and bind groups of the passes of one view, of this frame.
 #[derive(Component, Default)]
 pub struct ViewLobesPasses {

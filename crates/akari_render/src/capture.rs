@@ -6,6 +6,7 @@
 //! Each frame with the component costs one compute pass and a copy to the CPU: it is for offline use.
 
 use crate::ledger::GpuLedger;
+use crate::signals::AkariPassSystems;
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
@@ -139,8 +140,10 @@ pub(crate) fn build(app: &mut App) {
         )
         .add_systems(
             Core3d,
+            // What lighting sees: geometric antialiasing has been put into the roughness by then.
             capture_surfaces
                 .after(Core3dSystems::Prepass)
+                .after(AkariPassSystems::Lobes)
                 .before(Core3dSystems::MainPass),
         );
 }

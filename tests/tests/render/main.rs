@@ -4,4 +4,5 @@ mod accuracy;
 mod demand;
 mod denoise;
 mod lights;
+mod shadows;
 mod stability;

@@ -1,7 +1,10 @@
 //! `render --buffers` against `reference --aov`: two programs' view of the same pixels.
 
 use crate::run::{Place, asset, has_adapter};
+use akari_scene::Scene;
 use akari_scene::exr_io::{RgbImage, read_rgb};
+use bevy_akari::math::ggx::ggx_reflection_lobe;
+use glam::Vec3;
 
 const SIZE: &str = "96x54";
 /// Share of pixels at silhouettes, where a rasteriser's snapped vertices and a ray may see different surfaces.
@@ -18,6 +21,68 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
         .zip(b)
         .map(|(a, b)| (a - b).abs())
         .fold(0.0, f32::max)
+}
+
+/// The lobes of the GPU against their twin on the CPU, from the other buffers.
+fn check_lobes(
+    place: &Place,
+    scene: &str,
+    ours: &dyn Fn(&str) -> RgbImage,
+    theirs: &dyn Fn(&str) -> RgbImage,
+    surface: impl Fn(usize) -> bool,
+) {
+    /// Of the axis, radians: two octahedral coordinates of 12 bits for the normal and of 16 for the axis.
+    const AXIS: f32 = 2e-3;
+    /// Of the sharpness: roughness has 8 bits, and sharpness goes by its fourth power.
+    const SHARPNESS: f32 = 0.05;
+    let scene = Scene::load(std::path::Path::new(scene)).expect("a scene");
+    let eye = scene.cameras[0].world_from_local.translation.as_vec3();
+    let (axis, sharpness) = (ours("lobe_axis").data, ours("lobe_sharpness").data);
+    let (normal, roughness) = (ours("normal").data, ours("roughness").data);
+    let (depth, position) = (ours("depth").data, theirs("position").data);
+    let wrong = |i: usize, alpha_of: &dyn Fn(f32) -> f32| {
+        let view = (eye - Vec3::from(position[i])).normalize_or_zero();
+        let lobe = ggx_reflection_lobe(normal[i].into(), view, alpha_of(roughness[i][0]));
+        distance(axis[i], lobe.axis.to_array()) > AXIS
+            || (sharpness[i][0] * lobe.inverse_sharpness - 1.0).abs() > SHARPNESS
+    };
+    let off = share(axis.len(), |i| surface(i) && wrong(i, &|r| r * r));
+    assert!(off < SILHOUETTES, "lobes differ in {off} of the pixels");
+    let off = share(axis.len(), |i| surface(i) && wrong(i, &|r| r));
+    assert!(off > 0.1, "another alpha must be noticed: {off}");
+    let nothing = |i: usize| depth[i][0] == 0.0;
+    assert!(share(axis.len(), nothing) > 0.0, "there is background");
+    for i in (0..axis.len()).filter(|i| nothing(*i)) {
+        assert_eq!((axis[i], sharpness[i]), ([0.0; 3], [0.0; 3]), "{i}");
+    }
+    // The buffers alone change nothing; geometric antialiasing, which comes with lobes, does.
+    let scene = scene.source.display().to_string();
+    let render = |effects: &str| {
+        let arguments = [
+            "render", &scene, "--size", SIZE, "--out", "p.exr", "--quiet",
+        ];
+        let more = ["--effects", effects, "--stats", "s.json"];
+        place.akari(&[&arguments[..], &more].concat()).ok();
+        let stats = std::fs::read(place.file("s.json")).expect("statistics");
+        let stats: serde_json::Value = serde_json::from_slice(&stats).expect("JSON");
+        (
+            read_rgb(&place.file("p.exr")).expect("p.exr").data,
+            stats["effects"].clone(),
+        )
+    };
+    let (picture, effects) = render("auto");
+    assert_eq!(picture, ours("color").data);
+    for effect in ["lobes", "denoise", "upsample"] {
+        assert_eq!(effects[effect]["active"], false, "{effects}");
+        assert!(
+            effects[effect]["reason"].as_str() > Some(""),
+            "{effect}: {effects}"
+        );
+    }
+    let (picture, effects) = render("area-lights,lobes,denoise,upsample");
+    assert_ne!(picture, ours("color").data);
+    assert_eq!(effects["lobes"]["active"], true, "{effects}");
+    assert_eq!(effects["denoise"]["active"], false, "{effects}");
 }
 
 #[test]
@@ -90,6 +155,7 @@ fn buffers_agree_with_the_reference() {
     // Half a step of 8 bits, and of 8 bits of the 2.2th root: d(x^2.2)/dx at 1 is 2.2.
     const STEP: f32 = 0.51 / 255.0;
     let (roughness, true_roughness) = (ours("roughness").data, theirs("roughness").data);
+    check_lobes(&place, &scene, &ours, &theirs, surface);
     let off = share(pixels, |i| {
         surface(i) && distance(roughness[i], true_roughness[i]) > STEP
     });

@@ -7,17 +7,28 @@ const USAGE: i32 = 2;
 const INPUT: i32 = 3;
 const NO_ADAPTER: i32 = 4;
 
+const COMMANDS: [&str; 8] = [
+    "render",
+    "bake",
+    "merge",
+    "reference",
+    "compare",
+    "denoise",
+    "inspect",
+    "doctor",
+];
+
 #[test]
 fn every_command_has_an_example_in_its_help() {
     let place = Place::new();
-    for command in ["render", "reference", "compare", "inspect", "doctor"] {
+    for command in COMMANDS {
         let help = place.akari(&[command, "--help"]).ok();
         let example = format!("akari {command}");
         let after = help.stdout.split("Example").nth(1).unwrap_or_default();
         assert!(after.contains(&example), "{command}: {}", help.stdout);
     }
     let general = place.akari(&["--help"]).ok();
-    for command in ["render", "reference", "compare", "inspect", "doctor"] {
+    for command in COMMANDS {
         assert!(general.stdout.contains(command), "{}", general.stdout);
     }
 }

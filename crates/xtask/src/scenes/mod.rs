@@ -10,6 +10,7 @@ mod normal_mapped;
 mod pattern;
 mod png;
 mod roughness_map;
+mod shadows;
 mod small;
 mod spheres;
 mod vec3;
@@ -24,6 +25,10 @@ const FLOOR_ALBEDO: f32 = 0.5;
 const SPHERE_SEGMENTS: u16 = 96;
 const SPHERE_RINGS: u16 = 48;
 
+fn shadow_light(degrees: f64, textured: bool) -> shadows::Light {
+    shadows::Light { degrees, textured }
+}
+
 /// Every generated file: its name and its bytes.
 pub fn all() -> Vec<(&'static str, Vec<u8>)> {
     vec![
@@ -36,6 +41,22 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
         ("moving_object.glb", glossy::moving_object().finish()),
         ("normal_mapped.glb", normal_mapped::normal_mapped().finish()),
         ("roughness_map.glb", roughness_map::roughness_map().finish()),
+        (
+            "shadows_10.glb",
+            shadows::shadows("shadows_10", shadow_light(10.0, false)).finish(),
+        ),
+        (
+            "shadows_28.glb",
+            shadows::shadows("shadows_28", shadow_light(28.0, false)).finish(),
+        ),
+        (
+            "shadows_3.glb",
+            shadows::shadows("shadows_3", shadow_light(3.0, false)).finish(),
+        ),
+        (
+            "shadows_textured.glb",
+            shadows::shadows("shadows_textured", shadow_light(28.0, true)).finish(),
+        ),
         (
             "sphere_medium.glb",
             glossy::spheres("sphere_medium", glossy::MEDIUM).finish(),

@@ -15,10 +15,11 @@ use bevy_akari::headless::unit_exposure;
 use bevy_akari::prelude::*;
 use bevy_akari_examples::baking::{BakeFile, Baking, StaticMesh, attach_bake, bake, finish_baking};
 use bevy_akari_examples::controls::parse_cursor;
-use bevy_akari_examples::demo::Demo;
+use bevy_akari_examples::demo::{Demo, Restart};
 use bevy_akari_examples::orbit::Orbit;
-use bevy_akari_examples::shadow_probe::{ProbeLight, ShadowProbe};
+use bevy_akari_examples::shadow_probe::{Comparison, ProbeLight, ShadowProbe};
 use bevy_akari_examples::shapes::{bunny, teapot};
+use bevy_akari_examples::{png_path, save};
 use clap::{Parser, ValueEnum};
 use std::f32::consts::PI;
 use std::path::PathBuf;
@@ -84,6 +85,9 @@ struct Controls {
     /// Pixel of which the shadow is held against rays, and whose leaves are shown; in a window, the one under the mouse
     #[arg(long, value_name = "X,Y", value_parser = parse_cursor)]
     cursor: Option<Vec2>,
+    /// Hold the moving light's shadow at every pixel of a picture against rays, too, and draw the error to this file
+    #[arg(long, value_name = "FILE.png", value_parser = png_path)]
+    errors: Option<PathBuf>,
     /// Where the moving light is, seconds after its start
     #[arg(long, value_name = "SECONDS", default_value_t = 10.2, value_parser = parse_time)]
     time: f32,
@@ -159,6 +163,9 @@ fn main() -> ExitCode {
             .insert_resource(GlobalAmbientLight::NONE)
             .insert_resource(controls)
             .init_resource::<Measured>()
+            .add_observer(|_: On<Restart>, mut measured: ResMut<Measured>| {
+                measured.is_drawing = true;
+            })
             .add_systems(Startup, move |world: &mut World| setup(world, &parts))
             .add_systems(
                 Update,
@@ -180,7 +187,7 @@ fn main() -> ExitCode {
 /// Coarser than the defaults: some seconds on two cores.
 fn bake_options() -> akari_bake::Options {
     akari_bake::Options {
-        shadow_tolerance: 0.05,
+        shadow_tolerance: 0.04,
         max_level: 4,
         ..default()
     }
@@ -254,9 +261,15 @@ fn parts() -> Vec<Part> {
         let x = (slat - SLATS / 2) as f32 * SPACING;
         wood("slat", SLAT, Vec3::new(x, SLAT.y / 2.0, FENCE_Z));
     }
-    for y in [0.22, 0.62] {
-        let size = Vec3::new((SLATS - 1) as f32 * SPACING + 2.0 * SLAT.x, 0.07, 0.03);
-        wood("rail", size, Vec3::new(0.0, y, FENCE_Z - SLAT.z));
+    // A piece for each slat: a grid of samples is as fine along a triangle as across it, and one over the whole length
+    // would miss the slats' shadows or waste samples on its width.
+    for (piece, y) in (0..SLATS).flat_map(|piece| [(piece, 0.22), (piece, 0.62)]) {
+        let x = (piece - SLATS / 2) as f32 * SPACING;
+        wood(
+            "rail",
+            Vec3::new(SPACING, 0.07, 0.03),
+            Vec3::new(x, y, FENCE_Z - SLAT.z),
+        );
     }
     parts
 }
@@ -577,6 +590,8 @@ struct Measured {
     /// Pixel, and time of the light, of `text`.
     at: Option<(Vec2, f32)>,
     text: String,
+    /// The frames of a picture have begun: everything is where it belongs.
+    is_drawing: bool,
 }
 
 /// Holds the shadow at the cursor against rays, for the moving light.
@@ -587,28 +602,29 @@ fn measure(
     lights: Query<(&PolygonLight, &GlobalTransform), With<Moving>>,
     windows: Query<&Window, With<PrimaryWindow>>,
     mut measured: ResMut<Measured>,
+    mut exit: MessageWriter<AppExit>,
 ) {
     /// Rays to each of the two triangles of the light: the square of this.
     const CELLS: u32 = 24;
-    let (Some(cursor), Some(tables)) = (controls.cursor, &receivers.tables) else {
+    /// The same for each pixel of a picture.
+    const CELLS_OF_PICTURE: u32 = 8;
+    let Some(tables) = &receivers.tables else {
         return;
     };
+    let cursor = controls.cursor.unwrap_or(Vec2::NEG_ONE);
+    if controls.cursor.is_none() && controls.errors.is_none() {
+        return;
+    }
     let (Ok((camera, view)), Ok((light, place))) = (cameras.single(), lights.single()) else {
         return;
     };
     let measured = &mut *measured;
-    if measured.at == Some((cursor, controls.time)) {
+    if measured.at == Some((cursor, controls.time)) || windows.is_empty() && !measured.is_drawing {
         return;
     }
-    // In a picture, the camera draws into no image yet in the first frames, and nothing has its place.
     let scale = windows.iter().next().map_or(1.0, Window::scale_factor);
     let middle = (cursor.floor() + 0.5) / scale;
-    if camera.physical_target_size().is_none() || place.translation() == Vec3::ZERO {
-        return;
-    }
-    let Ok(ray) = camera.viewport_to_world(view, middle) else {
-        return;
-    };
+    let ray = |pixel: Vec2| camera.viewport_to_world(view, pixel).ok();
     measured.at = Some((cursor, controls.time));
     if measured
         .probe
@@ -622,9 +638,26 @@ fn measure(
         return;
     };
     let light = ProbeLight::new(&light.vertices, place);
-    let ratios = probe.meet(ray).and_then(|point| {
+    if let (true, Some(out), Some(size)) = (
+        windows.is_empty(),
+        &controls.errors,
+        camera.physical_target_size(),
+    ) {
+        let comparison = Comparison::new(probe, &light, CELLS_OF_PICTURE, size, ray);
+        println!("{}", comparison.summary());
+        if let Err(error) = save(&comparison.picture(), out) {
+            error!("{error}");
+            exit.write(AppExit::error());
+        }
+    }
+    if controls.cursor.is_none() {
+        return;
+    }
+    let ratios = ray(middle).and_then(|ray| {
+        let point = probe.meet(ray)?;
         let baked = probe.baked_ratio(&point, &light)?;
-        Some((baked, probe.traced_ratio(&point, &light, CELLS)?))
+        let [traced, _] = probe.traced_ratio(&point, &light, CELLS)?;
+        Some((baked, traced))
     });
     measured.text = match ratios {
         Some((baked, traced)) => format!(

@@ -58,6 +58,20 @@ impl StaticMesh {
     }
 }
 
+impl StaticMesh {
+    /// In the space of the mesh.
+    #[must_use]
+    pub fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    /// Indices of their corners.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+}
+
 /// Where the bake is kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BakeFile {

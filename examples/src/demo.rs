@@ -101,6 +101,9 @@ impl Demo {
         let out: &Path = self.picture.out.as_deref().unwrap_or(&default_out);
         for frame in 0..self.frames {
             headless.step()?;
+            if let Some(AppExit::Error(_)) = headless.app.should_exit() {
+                return Err("the app stopped; the log above says why".into());
+            }
             let last = frame + 1 == self.frames;
             if self.each || last {
                 let image = headless

@@ -36,7 +36,11 @@ pub struct Picture {
     pub size: UVec2,
 }
 
-fn png_path(text: &str) -> Result<PathBuf, String> {
+/// Reads the name of a picture.
+///
+/// # Errors
+/// If it is no .png file.
+pub fn png_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension() {
         Some(extension) if extension.eq_ignore_ascii_case("png") => Ok(path),

@@ -152,6 +152,11 @@ fn main() -> ExitCode {
             .iter()
             .map(|part| StaticMesh::new(part.name, &part.mesh, &part.place))
             .collect::<Result<Vec<_>, _>>()?;
+        if let Some(out) = &controls.errors {
+            // Before the work, not after it.
+            std::fs::write(out, [])
+                .map_err(|error| format!("{}: cannot be written: {error}", out.display()))?;
+        }
         let file = BakeFile::new(named, "area_shadows.akari")?;
         if to_file {
             let bake = bake(&meshes, &bake_options(), &file, Arc::default())?;

@@ -19,6 +19,7 @@
 #import akari_math::light_image::{footprint_position, light_image_footprint, light_image_lod}
 #endif
 #ifdef SHADOWS
+#import akari_visibility::face::cube_from_world
 #import akari_visibility::query::{
     Traversal, traversal_close, traversal_new, traversal_push, traversal_visibility,
 }
@@ -295,6 +296,8 @@ fn shade_pieces(
 ) -> LitPieces {
     var lit: LitPieces;
     let identity = mat3x3<f32>(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
+    // Pieces come along the axes of the cubes: world to shading space by way of them.
+    let cube_frame = mat3x3<f32>(cube_from_world(frame[0]), cube_from_world(frame[1]), cube_from_world(frame[2]));
     for (var k = 0u; k < samples.count; k++) {
         if samples.weights[k] == 0.0 {
             continue;
@@ -305,19 +308,21 @@ fn shade_pieces(
         if params.parallax == 0u {
             offset = vec3(0.0);
         }
+        let back = cube_from_world(offset);
         for (var part = 0u; part < light_parts(light.vertex_count); part++) {
             var t = traversal_new();
             for (var i = 0u; i < part_size(light.vertex_count, part); i++) {
-                traversal_push(&t, seen.center + offset + vertices[light.vertex_offset + part_corner(part, i)].xyz);
+                let corner = seen.center + offset + vertices[light.vertex_offset + part_corner(part, i)].xyz;
+                traversal_push(&t, cube_from_world(corner));
             }
             traversal_close(&t);
             var face = 0u;
             while next_piece(&t, &face, slot) {
                 let weight = samples.weights[k] * traversal_visibility(&t);
                 var polygon = ltc_polygon_new();
-                var a = (t.vertices[t.first + t.count - 1u] - offset) * frame;
+                var a = (t.vertices[t.first + t.count - 1u] - back) * cube_frame;
                 for (var i = 0u; i < t.count; i++) {
-                    let b = (t.vertices[t.first + i] - offset) * frame;
+                    let b = (t.vertices[t.first + i] - back) * cube_frame;
                     ltc_polygon_add_edge(&polygon, base.m_inv, a, b);
                     a = b;
                 }
@@ -327,9 +332,9 @@ fn shade_pieces(
                 lit.specular += weight * specular_color_integral(light, seen, frame, base, polygon, diffuse_color);
                 if has_coat {
                     var over = ltc_polygon_new();
-                    a = (t.vertices[t.first + t.count - 1u] - offset) * frame;
+                    a = (t.vertices[t.first + t.count - 1u] - back) * cube_frame;
                     for (var i = 0u; i < t.count; i++) {
-                        let b = (t.vertices[t.first + i] - offset) * frame;
+                        let b = (t.vertices[t.first + i] - back) * cube_frame;
                         ltc_polygon_add_edge(&over, coat.m_inv, a, b);
                         a = b;
                     }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use akari_visibility::bake::Bake;
-use akari_visibility::face::FACES as FACE_COUNT;
+use akari_visibility::face::{FACES as FACE_COUNT, world_from_cube_f64};
 use akari_visibility::grid::{grid_pieces, grid_sample_count};
 use akari_visibility::identity::{BakeSettings, Identity};
 use akari_visibility::part::{Part, PartBuilder, Shard, merge};
@@ -503,7 +503,7 @@ impl<'a> Sampler<'a> {
                 None => (point, _) = self.see(site),
             }
         }
-        let position = (point.position + self.geometry.origin).as_vec3();
+        let position = (world_from_cube_f64(point.position) + self.geometry.origin).as_vec3();
         for component in position.to_array() {
             unit.bytes.extend(component.to_le_bytes());
         }

@@ -1,6 +1,7 @@
 //! What is baked: the triangles that receive shadows and those that cast them.
 
 use akari_scene::{AreaLightShape, Material, Primitive, Scene, light_polygons};
+use akari_visibility::face::cube_from_world_f64;
 use akari_visibility::identity::{EnclosureSettings, Hash};
 use akari_visibility::sites::Topology;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
@@ -98,7 +99,8 @@ impl Accept for Cuts<'_> {
 /// The triangles of a static scene, ready to be baked. Borrows the scene for the alpha of its materials.
 #[derive(Debug)]
 pub struct Geometry<'a> {
-    /// World position of the frame in which everything else is: the middle of the scene, where `f32` serves best.
+    /// World position of the frame in which everything else is: the middle of the scene, where `f32` serves best. Its
+    /// axes are those of the samples' cubes.
     pub(crate) origin: DVec3,
     /// Length of the diagonal of the scene's bounds, metres.
     pub(crate) diagonal: f64,
@@ -136,6 +138,11 @@ impl Source<'_, '_> {
         let local = self.positions.get(vertex as usize)?;
         Some(self.transform.transform_point3(local.as_dvec3()))
     }
+}
+
+/// A position of the world in the frame of the bake.
+fn to_frame(position: DVec3, origin: DVec3) -> Vec3 {
+    cube_from_world_f64(position - origin).as_vec3()
 }
 
 impl<'a> Geometry<'a> {
@@ -205,7 +212,7 @@ impl<'a> Geometry<'a> {
             for corners in source.triangles {
                 // `check` has found every vertex.
                 let vertices =
-                    corners.map(|i| (source.position(i).unwrap_or_default() - origin).as_vec3());
+                    corners.map(|i| to_frame(source.position(i).unwrap_or_default(), origin));
                 let normal = unit_normal(&vertices).map(|n| if flip { -n } else { n });
                 degenerate += usize::from(normal.is_none());
                 if source.roles.receives {
@@ -246,7 +253,7 @@ impl<'a> Geometry<'a> {
         if !options.enclosure_casts {
             let points = light_corners
                 .iter()
-                .map(|&p| (p - origin).as_vec3())
+                .map(|&p| to_frame(p, origin))
                 .chain(receivers.iter().flatten().copied());
             enclosure = Enclosure::new(&casters, points, diagonal).remove(&mut casters);
             if enclosure.triangles > 0 {

@@ -9,7 +9,7 @@ use crate::Error;
 
 /// Version of the algorithm in [`BakeSettings::algorithm`]: changes when the same scene and settings give other bits,
 /// levels or trees, so that parts of different versions are never mixed.
-pub const ALGORITHM: u32 = 1;
+pub const ALGORITHM: u32 = 2;
 
 /// Sizes of a face that can be baked, in texels along its side.
 pub const FACE_SIZES: [u32; 4] = [32, 64, 128, 256];

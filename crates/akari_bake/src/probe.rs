@@ -1,6 +1,6 @@
 //! Single samples: for measurements and tests.
 
-use akari_visibility::face::FACES;
+use akari_visibility::face::{FACES, cube_from_world_f64};
 use akari_visibility::sites::Site;
 use glam::DVec3;
 
@@ -53,9 +53,10 @@ impl<'g> Probe<'g> {
         &self.masks
     }
 
-    /// The six faces at a point of the world that is on no surface, above the plane of `normal` (unit).
+    /// The six faces at a point of the world that is on no surface, above the plane of `normal` (unit, of the world).
     pub fn see_from(&mut self, point: DVec3, normal: DVec3) -> &[FaceMask; FACES] {
-        let point = SamplePoint::free(point - self.geometry.origin, normal);
+        let point = cube_from_world_f64(point - self.geometry.origin);
+        let point = SamplePoint::free(point, cube_from_world_f64(normal));
         self.geometry.see(&point, None, &mut self.masks);
         &self.masks
     }
@@ -77,7 +78,7 @@ impl<'g> Probe<'g> {
         self.geometry.bvh.triangles.len()
     }
 
-    /// Vertices of a casting triangle, about the middle of the scene.
+    /// Vertices of a casting triangle, about the middle of the scene and along the axes of the cubes.
     #[must_use]
     pub fn caster(&self, index: usize) -> [glam::Vec3; 3] {
         self.geometry.bvh.triangles[index]

@@ -5,8 +5,7 @@ mod common;
 use akari_bake::probe::Probe;
 use akari_bake::{FaceMask, Geometry, NoProgress, Options, bake};
 use akari_visibility::bake::Bake;
-use akari_visibility::face::face_of;
-use akari_visibility::query::visibility_at;
+use akari_visibility::face::{cube_from_world, face_of};
 use common::{bumpy_sphere, floor, geometry, quick};
 use glam::{DVec3, Vec3};
 
@@ -101,7 +100,7 @@ fn floor_error(geometry: &Geometry<'_>, options: &Options) -> (f64, usize) {
             .see_from((point + 1e-5 * Vec3::Y).as_dvec3(), DVec3::Y)
             .clone();
         let exact = |d: Vec3| {
-            let at = face_of(d);
+            let at = face_of(cube_from_world(d));
             let texel = |x: f32| ((x + 1.0) * 32.0).clamp(0.0, 63.0) as u32;
             let bit = masks[at.face as usize].get(texel(at.at.x), texel(at.at.y));
             f32::from(u8::from(bit == Some(true)))
@@ -116,10 +115,7 @@ fn floor_error(geometry: &Geometry<'_>, options: &Options) -> (f64, usize) {
                 .iter()
                 .map(|&(sample, weight)| {
                     let from = Vec3::from(baked.positions[sample as usize]);
-                    weight
-                        * share(light, 0.15, from, |d| {
-                            visibility_at(&baked.pool, &baked.trees[sample as usize], d)
-                        })
+                    weight * share(light, 0.15, from, |d| baked.visibility_at(sample, d))
                 })
                 .sum();
             error += f64::from(baked - truth).powi(2);
@@ -192,7 +188,7 @@ fn what_stands_on_the_floor_has_no_dark_fringe() {
         let mut sum = 0.0;
         for k in 0..20 {
             let direction = Vec3::new(1.0, 0.1 + 0.2 * k as f32, 0.3 - 0.03 * k as f32);
-            sum += visibility_at(&baked.pool, &baked.trees[sample as usize], direction) / 20.0;
+            sum += baked.visibility_at(sample, direction) / 20.0;
         }
         sum
     };

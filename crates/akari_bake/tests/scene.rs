@@ -8,6 +8,7 @@ use akari_scene::{
     AlphaMode, ColorSpace, Filter, Image, Instance, Material, Mesh, Pixels, Primitive, Scene,
     Texture, Wrap,
 };
+use akari_visibility::face::{cube_from_world, face_direction, face_of};
 use akari_visibility::sites::Site;
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3};
 
@@ -58,11 +59,28 @@ fn all<'a>(scene: &'a Scene, options: GeometryOptions) -> Geometry<'a> {
     Geometry::from_scene(scene, options, |_, _, roles| roles).unwrap()
 }
 
-/// Texels of the faces of a vertex: how many matter, and how many are visible.
+/// Texels of faces along the axes of the world, as the cube of a vertex has them: how many matter, and how many are visible.
 fn counts(geometry: &Geometry<'_>, vertex: u32) -> [(u32, u32); 6] {
-    let mut probe = Probe::new(geometry, 32);
+    let mut probe = Probe::new(geometry, 128);
     let masks = probe.see(Site::Vertex(vertex));
-    std::array::from_fn(|f| (masks[f].cared_count(), masks[f].visible_count()))
+    std::array::from_fn(|face| {
+        let (mut cared, mut visible) = (0, 0);
+        for (x, y) in (0..32).flat_map(|y| (0..32).map(move |x| (x, y))) {
+            let at = |i: u32| (2 * i + 1) as f32 / 32.0 - 1.0;
+            let direction = face_direction(face as u32, Vec2::new(at(x), at(y)));
+            let place = face_of(cube_from_world(direction));
+            let texel = |x: f32| (64.0 * (x + 1.0)).clamp(0.0, 127.0) as u32;
+            let bit = masks[place.face as usize].get(texel(place.at.x), texel(place.at.y));
+            cared += u32::from(bit.is_some());
+            visible += u32::from(bit == Some(true));
+        }
+        (cared, visible)
+    })
+}
+
+/// Whether two counts of one face are the same but for texels along one edge.
+fn near(a: u32, b: u32) -> bool {
+    a.abs_diff(b) <= FULL / 32
 }
 
 const FULL: u32 = 32 * 32;
@@ -103,7 +121,7 @@ fn a_room_does_not_hide_its_lights() {
     // A corner of the room is one vertex for three walls, and sees the table in front of the rest.
     let corner = counts(&geometry, 0);
     let (cared, visible) = corner.iter().fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-    assert_eq!(cared, 6 * FULL * 7 / 8);
+    assert!(cared.abs_diff(6 * FULL * 7 / 8) < FULL / 10, "{corner:?}");
     assert!(visible < cared && visible > cared * 9 / 10, "{corner:?}");
 
     // With the walls, the corner sees nothing at all.
@@ -168,11 +186,11 @@ fn alpha_is_respected() {
         ..material()
     };
     let mask = AlphaMode::Mask { cutoff: 0.5 };
-    assert_eq!(seen(with(0.2, AlphaMode::Opaque), Vec::new()), 0);
-    assert_eq!(seen(with(0.2, mask), Vec::new()), FULL);
-    assert_eq!(seen(with(0.5, mask), Vec::new()), 0);
-    assert_eq!(seen(with(0.4, AlphaMode::Blend), Vec::new()), FULL);
-    assert_eq!(seen(with(0.6, AlphaMode::Blend), Vec::new()), 0);
+    assert!(near(seen(with(0.2, AlphaMode::Opaque), Vec::new()), 0));
+    assert!(near(seen(with(0.2, mask), Vec::new()), FULL));
+    assert!(near(seen(with(0.5, mask), Vec::new()), 0));
+    assert!(near(seen(with(0.4, AlphaMode::Blend), Vec::new()), FULL));
+    assert!(near(seen(with(0.6, AlphaMode::Blend), Vec::new()), 0));
     // A texture whose left half is not there.
     let image = Image {
         name: "half".into(),
@@ -194,7 +212,7 @@ fn alpha_is_respected() {
     };
     let half = seen(textured.clone(), vec![image.clone()]);
     // The vertex is 0.1 off the middle, which is a fifth of the height of the cover: 3.2 of 16 columns.
-    assert!(half == 19 * 32 || half == 13 * 32, "{half}");
+    assert!(near(half, 19 * 32) || near(half, 13 * 32), "{half}");
     // The bake knows the texture.
     let mut one = covered(textured);
     one.images = vec![image];
@@ -215,11 +233,11 @@ fn both_sides_of_a_double_sided_surface_receive() {
     let front_and_back = counts(&all(&scene, GeometryOptions::default()), 0);
     assert!(front_and_back.iter().all(|c| c.0 == FULL));
     // The cover above, hardly anything below.
-    assert_eq!(front_and_back[UP].1, 0);
-    assert_eq!(front_and_back[DOWN].1, FULL);
+    assert!(near(front_and_back[UP].1, 0));
+    assert!(near(front_and_back[DOWN].1, FULL));
     scene.meshes[0].primitives[0].material = 0;
     let front = counts(&all(&scene, GeometryOptions::default()), 0);
-    assert_eq!((front[UP].0, front[DOWN].0), (FULL, 0));
+    assert!(near(front[UP].0, FULL) && near(front[DOWN].0, 0));
 }
 
 #[test]
@@ -227,14 +245,12 @@ fn mirrored_instances_keep_their_front() {
     let mut scene = covered(material());
     let upright = counts(&all(&scene, GeometryOptions::default()), 0);
     scene.instances[0].world_from_local = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
-    assert_eq!(
-        counts(&all(&scene, GeometryOptions::default()), 0)[UP].0,
-        upright[UP].0
-    );
+    let mirrored = counts(&all(&scene, GeometryOptions::default()), 0);
+    assert!(near(mirrored[UP].0, upright[UP].0));
     // Upside down it looks down.
     scene.instances[0].world_from_local = DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0));
     let down = counts(&all(&scene, GeometryOptions::default()), 0);
-    assert_eq!((down[UP].0, down[DOWN].0), (0, FULL));
+    assert!(near(down[UP].0, 0) && near(down[DOWN].0, FULL));
 }
 
 #[test]
@@ -253,11 +269,14 @@ fn the_foot_of_a_wall_is_dark_behind_it() {
         let faces = counts(&geometry, vertex);
         // +X looks into the wall.
         let toward_wall = faces[0];
-        assert_eq!(toward_wall.0, FULL / 2);
-        assert_eq!(toward_wall.1, 0, "vertex {vertex} sees through the wall");
+        assert!(near(toward_wall.0, FULL / 2));
+        assert!(
+            near(toward_wall.1, 0),
+            "vertex {vertex} sees through the wall"
+        );
         seen += faces[1].1;
     }
-    assert_eq!(seen, 4 * FULL / 2);
+    assert!(seen.abs_diff(4 * FULL / 2) < FULL / 8, "{seen}");
 }
 
 #[test]

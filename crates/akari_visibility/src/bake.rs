@@ -12,15 +12,17 @@
 //! | `NODE` | words of the trees |
 
 use crate::container::{ChunkName, Container, ContainerWriter, FileError, Kind};
-use crate::face::FACES;
+use crate::face::{FACES, cube_from_world, world_from_cube};
 use crate::grid::{MAX_LEVEL, grid_triangle};
 use crate::identity::{BakeSettings, Hash, Identity};
 use crate::pool::TreePool;
+use crate::query::{visibility_at, visit_pieces};
 use crate::records::{
     INFO, INSTANCE_CHUNKS, io_error, read_info, read_instances, write_info, write_instances,
 };
 use crate::sites::{Hanging, Instance, SampleGrid, check_instances};
 use crate::tree::{NODE_BYTES, TreeLink};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -247,6 +249,30 @@ impl Bake {
             ));
         }
         Ok(())
+    }
+
+    /// Mean visibility of a direction along the axes of the world from a sample, 0 to 1.
+    #[must_use]
+    pub fn visibility_at(&self, sample: u32, direction: Vec3) -> f32 {
+        let trees = &self.trees[sample as usize];
+        visibility_at(&self.pool, trees, cube_from_world(direction))
+    }
+
+    /// [`visit_pieces`] of a sample in the axes of the world: `vertices` of a light relative to the sample.
+    pub fn visit_pieces(
+        &self,
+        sample: u32,
+        vertices: &[Vec3],
+        mut piece: impl FnMut(&[Vec3], f32),
+    ) {
+        let turned: Vec<Vec3> = vertices.iter().map(|&v| cube_from_world(v)).collect();
+        let mut back = Vec::new();
+        let trees = &self.trees[sample as usize];
+        visit_pieces(&self.pool, trees, &turned, |vertices, visibility| {
+            back.clear();
+            back.extend(vertices.iter().map(|&v| world_from_cube(v)));
+            piece(&back, visibility);
+        });
     }
 
     /// Counts what there is.

@@ -18,7 +18,23 @@ struct FacePoint {
     face: u32,
 }
 
-// A vector of the world from its parts along r, u and the positive axis of the face.
+// Axes of the cube in the world, times 49.
+const CUBE_X: vec3<f32> = vec3<f32>(-15.0, 40.0, 24.0);
+const CUBE_Y: vec3<f32> = vec3<f32>(-40.0, -24.0, 15.0);
+const CUBE_Z: vec3<f32> = vec3<f32>(24.0, -15.0, 40.0);
+const CUBE_SCALE: f32 = 1.0 / 49.0;
+
+// A vector along the axes of the world, along those of the cube.
+fn cube_from_world(v: vec3<f32>) -> vec3<f32> {
+    return CUBE_SCALE * vec3<f32>(dot(v, CUBE_X), dot(v, CUBE_Y), dot(v, CUBE_Z));
+}
+
+// The inverse of `cube_from_world`.
+fn world_from_cube(v: vec3<f32>) -> vec3<f32> {
+    return CUBE_SCALE * (v.x * CUBE_X + v.y * CUBE_Y + v.z * CUBE_Z);
+}
+
+// A vector of the cube from its parts along r, u and the positive axis of the face.
 fn face_permute(face: u32, v: vec3<f32>) -> vec3<f32> {
     let axis = face >> 1u;
     if axis == 0u {

@@ -12,7 +12,7 @@
 //!
 //! ```text
 //! var t = traversal_new();
-//! for each vertex v of the light: traversal_push(&t, v - sample_position);
+//! for each vertex v of the light: traversal_push(&t, cube_from_world(v - sample_position));
 //! traversal_close(&t);
 //! for face in 0 .. 6:
 //!     traversal_enter(&t, face, trees[6 * sample + face]);
@@ -24,10 +24,10 @@
 //!             traversal_split(&t, words[word], words[word + 1]);
 //! ```
 //!
-//! On the CPU [`visit_pieces`] is that loop.
+//! On the CPU [`visit_pieces`] is that loop, and [`crate::bake::Bake::visit_pieces`] the same in the axes of the world.
 //!
-//! A piece is a part of the light's own polygon, in its plane and in the order of its vertices, whatever the sample: add
-//! `sample_position − fragment_position` to its vertices and it is the visible part of the light as seen from the
+//! A piece is a part of the light's own polygon, in its plane and in the order of its vertices, whatever the sample: turn
+//! its vertices back into the world and add `sample_position − fragment_position` to them and it is the visible part of the light as seen from the
 //! fragment (parallax-corrected); push other vertices and the tree is asked about what lies in their directions.
 //!
 //! # Form
@@ -154,7 +154,7 @@ pub fn traversal_new() -> Traversal {
     }
 }
 
-/// Adds the next vertex of the light, relative to the sample point, in the axes of the world. Lengths from 1e-12 to
+/// Adds the next vertex of the light, relative to the sample point, in the axes of the cube. Lengths from 1e-12 to
 /// 1e12. Vertices beyond [`MAX_LIGHT_VERTICES`] are left out.
 pub fn traversal_push(t: &mut Traversal, vertex: Vec3) {
     if t.light_count < MAX_LIGHT_VERTICES as u32 {
@@ -421,7 +421,7 @@ pub fn traversal_split(t: &mut Traversal, word0: u32, word1: u32) {
 
 /// Calls `piece(vertices, mean visibility)` for every part of a light polygon in a leaf that is not dark. CPU only.
 ///
-/// `vertices` (3 to [`MAX_LIGHT_VERTICES`]) relative to the sample point, in the axes of the world; `trees` of the six
+/// `vertices` (3 to [`MAX_LIGHT_VERTICES`]) relative to the sample point, in the axes of the cube; `trees` of the six
 /// faces in `pool`.
 pub fn visit_pieces(
     pool: &TreePool,
@@ -479,7 +479,7 @@ fn visit(
     }
 }
 
-/// Mean visibility in a direction, 0 to 1. CPU only.
+/// Mean visibility in a direction along the axes of the cube, 0 to 1. CPU only.
 #[must_use]
 pub fn visibility_at(pool: &TreePool, trees: &[TreeLink; FACES], direction: Vec3) -> f32 {
     let point = face_of(direction);

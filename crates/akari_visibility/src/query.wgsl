@@ -71,7 +71,7 @@ fn traversal_new() -> Traversal {
     return t;
 }
 
-// Adds the next vertex of the light, relative to the sample point, in the axes of the world.
+// Adds the next vertex of the light, relative to the sample point, in the axes of the cube.
 fn traversal_push(t: ptr<function, Traversal>, vertex: vec3<f32>) {
     if (*t).light_count < MAX_LIGHT_VERTICES {
         (*t).vertices[(*t).light_count] = vertex;

@@ -119,6 +119,25 @@ fn face_cases() -> Vec<Case> {
         },
         Case {
             module,
+            functions: &["cube_from_world", "world_from_cube"],
+            body: "y_vec3(0u, cube_from_world(x_vec3(0u))); y_vec3(3u, world_from_cube(x_vec3(0u)));",
+            inputs: 3,
+            outputs: 6,
+            rows: directions().concat(),
+            twin: |x, y| {
+                let v = Vec3::from_slice(x);
+                y.extend(cube_from_world(v).to_array());
+                y.extend(world_from_cube(v).to_array());
+            },
+            // Sums of three products, which may cancel.
+            ulp: 64,
+            mutations: &[
+                ("dot(v, CUBE_X)", "dot(v, CUBE_Y)"),
+                ("v.y * CUBE_Y", "v.z * CUBE_Y"),
+            ],
+        },
+        Case {
+            module,
             functions: &["face_of"],
             body: "let p = face_of(x_vec3(0u)); y(0u, f32(p.face)); y_vec2(1u, p.at);",
             inputs: 3,

@@ -4,6 +4,7 @@
 #import akari_math::frame::orthonormal_basis
 #import akari_math::ltc::polygon::{LambertPolygon, lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new}
 #import akari_math::octahedral::octahedral_unpack
+#import akari_visibility::face::cube_from_world
 #import akari_visibility::query::{
     Traversal, traversal_close, traversal_new, traversal_push, traversal_visibility,
 }
@@ -28,16 +29,17 @@ fn shadow_ratio(slot: u32, light: AreaLight) -> f32 {
         return NO_LIGHT;
     }
     let side = select(-1.0, 1.0, height > 0.0);
-    let frame = orthonormal_basis(octahedral_unpack(slots[slot].normal));
+    // In the axes of the sample's cube.
+    let frame = orthonormal_basis(cube_from_world(octahedral_unpack(slots[slot].normal)));
     var whole = 0.0;
     var visible = 0.0;
     for (var part = 0u; part < light_parts(light.vertex_count); part++) {
         let count = part_size(light.vertex_count, part);
         var t = traversal_new();
         var polygon = lambert_polygon_new();
-        var a = center + vertices[light.vertex_offset + part_corner(part, count - 1u)].xyz;
+        var a = cube_from_world(center + vertices[light.vertex_offset + part_corner(part, count - 1u)].xyz);
         for (var i = 0u; i < count; i++) {
-            let b = center + vertices[light.vertex_offset + part_corner(part, i)].xyz;
+            let b = cube_from_world(center + vertices[light.vertex_offset + part_corner(part, i)].xyz);
             traversal_push(&t, b);
             lambert_polygon_add_edge(&polygon, a * frame, b * frame);
             a = b;

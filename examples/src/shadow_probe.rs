@@ -11,7 +11,7 @@ use bevy_akari::math::ltc::polygon::{
     lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new,
 };
 use bevy_akari::math::octahedral::octahedral_unpack;
-use bevy_akari::visibility::face::FACES;
+use bevy_akari::visibility::face::{FACES, cube_from_world};
 use bevy_akari::visibility::grid::{ENTRY_HANGING, grid_triangle, micro_triangle};
 use bevy_akari::visibility::query::{
     traversal_close, traversal_enter, traversal_is_piece, traversal_new, traversal_next,
@@ -125,7 +125,9 @@ impl ShadowProbe {
         if light.normal.dot(slot.position - light.center) <= 0.0 {
             return None;
         }
-        let to_frame = orthonormal_basis(octahedral_unpack(slot.normal)).transpose();
+        // Trees, and the pieces that come of them, are along the axes of the samples' cubes.
+        let normal = cube_from_world(octahedral_unpack(slot.normal));
+        let to_frame = orthonormal_basis(normal).transpose();
         // Vector irradiance along the normal, whichever way the corners run.
         let irradiance = |corners: &[Vec3]| {
             let mut polygon = lambert_polygon_new();
@@ -136,7 +138,11 @@ impl ShadowProbe {
             lambert_polygon_close(&mut polygon);
             polygon.diffuse.z
         };
-        let corners: Vec<Vec3> = light.corners.iter().map(|c| c - slot.position).collect();
+        let corners: Vec<Vec3> = light
+            .corners
+            .iter()
+            .map(|&corner| cube_from_world(corner - slot.position))
+            .collect();
         let whole = irradiance(&corners);
         let mut t = traversal_new();
         corners

@@ -42,7 +42,8 @@ pub enum AreaShadowDebugView {
     /// grid's cells, at whose corners the samples are. Violet on what was not baked.
     Grid,
     /// The visibility trees of the sample that counts most at the cursor's pixel, over the picture: the six faces of its
-    /// cube (along x, y, z above, against them below), each leaf as bright as its mean visibility, with the outlines of
+    /// cube (along its axes x, y, z above, against them below; it is turned against the world's,
+    /// `akari_visibility::face`), each leaf as bright as its mean visibility, with the outlines of
     /// the lights in orange. Reddish is what lies below the sample's horizon. The sample is the light blue dot.
     Leaves,
 }

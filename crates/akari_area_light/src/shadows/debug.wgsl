@@ -18,7 +18,7 @@
 #endif
 #ifdef VIEW_LEAVES
 #import akari_math::octahedral::octahedral_unpack
-#import akari_visibility::face::{face_direction, unpack_line}
+#import akari_visibility::face::{cube_from_world, face_direction, unpack_line}
 #import akari_visibility::tree::{TREE_LEAF, leaf_visibility, tree_node, tree_word}
 #import akari_area_light::types::AreaLight
 #import akari_area_light::shadows::{Samples, shadow_samples}
@@ -189,12 +189,13 @@ fn leaf_at(root: u32, at: vec2<f32>) -> vec2<f32> {
     return vec2(leaf_visibility(link), nearest);
 }
 
-// Sine of the angle between a direction and the nearest side of a light: an arc between two corners.
+// Sine of the angle between a direction along the axes of the cubes and the nearest side of a light: an arc between two
+// corners. `center` along the axes of the world.
 fn to_outline(light: AreaLight, center: vec3<f32>, direction: vec3<f32>) -> f32 {
     var nearest = 1e9;
-    var a = center + vertices[light.vertex_offset + light.vertex_count - 1u].xyz;
+    var a = cube_from_world(center + vertices[light.vertex_offset + light.vertex_count - 1u].xyz);
     for (var i = 0u; i < light.vertex_count; i++) {
-        let b = center + vertices[light.vertex_offset + i].xyz;
+        let b = cube_from_world(center + vertices[light.vertex_offset + i].xyz);
         let n = cross(a, b);
         let between = dot(cross(n, a), direction) >= 0.0 && dot(cross(n, b), direction) <= 0.0;
         if between {
@@ -210,7 +211,7 @@ fn face_color(slot: u32, face: u32, at: vec2<f32>) -> vec3<f32> {
     let direction = face_direction(face, at);
     let texel = 2.0 / shadow_debug.face_pixels;
     var color = vec3(leaf.x);
-    if dot(direction, octahedral_unpack(slots[slot].normal)) < 0.0 {
+    if dot(direction, cube_from_world(octahedral_unpack(slots[slot].normal))) < 0.0 {
         color = mix(color, BELOW_HORIZON, 0.8);
     }
     if leaf.y < LINE_HALF_WIDTH * texel {
@@ -227,7 +228,7 @@ fn face_color(slot: u32, face: u32, at: vec2<f32>) -> vec3<f32> {
     return color;
 }
 
-// Six faces in the lower left corner: along x, y, z above, against them below. `w` 0: nothing is drawn here.
+// Six faces in the lower left corner: along the axes x, y, z of the cube above, against them below. `w` 0: nothing is drawn here.
 fn leaves_color(frag_coord: vec2<f32>, slot: u32) -> vec4<f32> {
     let from_cursor = length(frag_coord - floor(shadow_debug.cursor) - 0.5);
     if abs(from_cursor - RING_RADIUS) < LINE_HALF_WIDTH {

@@ -12,6 +12,8 @@ use bevy::window::WindowResolution;
 use bevy::world_serialization::WorldInstanceReady;
 use bevy_akari::headless::unit_exposure;
 use bevy_akari::prelude::*;
+use bevy_akari::visibility::bake::Bake;
+use bevy_akari_examples::baking::attach_bake;
 use bevy_akari_examples::orbit::{Orbit, turn_orbits};
 use bevy_akari_examples::{
     Picture, asset_folder, draw, exit_code, register_scene_types, start_headless,
@@ -20,7 +22,7 @@ use clap::Parser;
 use std::collections::HashMap;
 use std::error::Error;
 use std::f32::consts::TAU;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Area lights of four shapes over metals and dielectrics of every roughness
@@ -32,6 +34,9 @@ struct Arguments {
     headless: bool,
     #[command(flatten)]
     picture: Picture,
+    /// Draw shadows from what `akari bake assets/scenes/gallery.glb --out FILE.akari` made
+    #[arg(long, value_name = "FILE.akari")]
+    bake: Option<PathBuf>,
 }
 
 /// In the asset folder.
@@ -41,15 +46,19 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let to_file = arguments.headless || arguments.picture.out.is_some();
     exit_code(if to_file || cfg!(not(feature = "window")) {
-        draw_picture(&arguments.picture)
+        draw_picture(&arguments.picture, arguments.bake.as_deref())
     } else {
-        open_window(arguments.picture.size)
+        open_window(arguments.picture.size, arguments.bake.as_deref())
     })
 }
 
 /// What window and picture have in common: the scene, its camera, and nothing that lights it but its own panels.
-fn add_gallery(app: &mut App, file: String) {
+fn add_gallery(app: &mut App, file: String, bake: Option<&Path>) -> Result<(), Box<dyn Error>> {
     register_scene_types(app);
+    if let Some(bake) = bake {
+        // Of a file in the asset folder: `BakedVisibility(asset_server.load("scenes/gallery.akari"))`.
+        attach_bake(app.world_mut(), Bake::read(bake)?);
+    }
     app.insert_resource(GlobalAmbientLight::NONE)
         .insert_resource(ClearColor(Color::BLACK))
         .init_resource::<Controls>()
@@ -62,6 +71,7 @@ fn add_gallery(app: &mut App, file: String) {
                     .observe(take_over_scene);
             },
         );
+    Ok(())
 }
 
 /// The scene has arrived: its camera becomes one that `bevy_akari` lights.
@@ -103,7 +113,7 @@ fn take_over_scene(
     }
 }
 
-fn draw_picture(picture: &Picture) -> Result<(), Box<dyn Error>> {
+fn draw_picture(picture: &Picture, bake: Option<&Path>) -> Result<(), Box<dyn Error>> {
     let path = asset_folder()?.join(SCENE);
     let bytes = std::fs::read(&path)
         .map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
@@ -111,7 +121,7 @@ fn draw_picture(picture: &Picture) -> Result<(), Box<dyn Error>> {
     // The headless app looks for assets where Bevy does by default, which depends on how it was started.
     let embedded = headless.app.world().resource::<EmbeddedAssetRegistry>();
     embedded.insert_asset(path, Path::new(SCENE), bytes);
-    add_gallery(&mut headless.app, format!("embedded://{SCENE}"));
+    add_gallery(&mut headless.app, format!("embedded://{SCENE}"), bake)?;
     let camera = loop {
         headless.step()?;
         let world = headless.app.world_mut();
@@ -131,7 +141,7 @@ fn draw_picture(picture: &Picture) -> Result<(), Box<dyn Error>> {
     draw(&mut headless, camera, picture.size, out)
 }
 
-fn open_window(size: UVec2) -> Result<(), Box<dyn Error>> {
+fn open_window(size: UVec2, bake: Option<&Path>) -> Result<(), Box<dyn Error>> {
     // The examples are built with X11 only.
     if cfg!(target_os = "linux") && std::env::var_os("DISPLAY").is_none() {
         return Err("there is no display; --headless --out FILE.png draws to a file".into());
@@ -152,7 +162,7 @@ fn open_window(size: UVec2) -> Result<(), Box<dyn Error>> {
             }),
         AkariPlugins,
     ));
-    add_gallery(&mut app, SCENE.to_owned());
+    add_gallery(&mut app, SCENE.to_owned(), bake)?;
     app.add_systems(
         Update,
         (

@@ -161,7 +161,11 @@ fn parse_scale(text: &str) -> Result<SignalScale, String> {
         .ok_or_else(|| format!("there are {}", SCALES.map(of).join(", ")))
 }
 
-fn parse_cursor(text: &str) -> Result<Vec2, String> {
+/// Reads a pixel.
+///
+/// # Errors
+/// If it is none.
+pub fn parse_cursor(text: &str) -> Result<Vec2, String> {
     let parsed = text
         .split_once(',')
         .and_then(|(x, y)| Some(UVec2::new(x.parse().ok()?, y.parse().ok()?)));

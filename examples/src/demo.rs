@@ -49,22 +49,43 @@ pub struct Demo {
 impl Demo {
     /// Runs the app that `build` makes, with a camera that has [`Orbit`].
     pub fn run(&self, name: &str, build: impl FnOnce(&mut App)) -> ExitCode {
-        let to_file = self.headless || self.picture.out.is_some();
-        exit_code(if to_file || cfg!(not(feature = "window")) {
+        self.try_run(name, |app| {
+            build(app);
+            Ok(())
+        })
+    }
+
+    /// The same for an app that may fail to be made.
+    pub fn try_run(
+        &self,
+        name: &str,
+        build: impl FnOnce(&mut App) -> Result<(), Box<dyn Error>>,
+    ) -> ExitCode {
+        exit_code(if self.draws_to_file() {
             self.draw(name, build)
         } else {
             self.open_window(build)
         })
     }
 
-    fn draw(&self, name: &str, build: impl FnOnce(&mut App)) -> Result<(), Box<dyn Error>> {
+    /// Whether there will be a picture instead of a window.
+    #[must_use]
+    pub fn draws_to_file(&self) -> bool {
+        self.headless || self.picture.out.is_some() || cfg!(not(feature = "window"))
+    }
+
+    fn draw(
+        &self,
+        name: &str,
+        build: impl FnOnce(&mut App) -> Result<(), Box<dyn Error>>,
+    ) -> Result<(), Box<dyn Error>> {
         const FRAMES_PER_SECOND: f64 = 60.0;
         let mut headless = start_headless()?;
         let frame_time = Duration::from_secs_f64(1.0 / FRAMES_PER_SECOND);
         headless
             .app
             .insert_resource(TimeUpdateStrategy::ManualDuration(frame_time));
-        build(&mut headless.app);
+        build(&mut headless.app)?;
         // Start-up systems spawn the camera.
         headless.step()?;
         let world = headless.app.world_mut();
@@ -80,6 +101,9 @@ impl Demo {
         let out: &Path = self.picture.out.as_deref().unwrap_or(&default_out);
         for frame in 0..self.frames {
             headless.step()?;
+            if let Some(AppExit::Error(_)) = headless.app.should_exit() {
+                return Err("the app stopped; the log above says why".into());
+            }
             let last = frame + 1 == self.frames;
             if self.each || last {
                 let image = headless
@@ -108,7 +132,10 @@ impl Demo {
         Ok(())
     }
 
-    fn open_window(&self, build: impl FnOnce(&mut App)) -> Result<(), Box<dyn Error>> {
+    fn open_window(
+        &self,
+        build: impl FnOnce(&mut App) -> Result<(), Box<dyn Error>>,
+    ) -> Result<(), Box<dyn Error>> {
         // The examples are built with X11 only.
         if cfg!(target_os = "linux") && std::env::var_os("DISPLAY").is_none() {
             return Err("there is no display; --headless --out FILE.png draws to a file".into());
@@ -126,7 +153,7 @@ impl Demo {
             AkariPlugins,
         ))
         .add_systems(Update, turn_orbits);
-        build(&mut app);
+        build(&mut app)?;
         match app.run() {
             AppExit::Success => Ok(()),
             AppExit::Error(_) => Err("the app stopped; the log above says why".into()),

@@ -1,8 +1,11 @@
 //! What the examples share: the picture that they draw to a file where there is no window, and where assets are.
 
+pub mod baking;
 pub mod controls;
 pub mod demo;
 pub mod orbit;
+pub mod shadow_probe;
+pub mod shapes;
 pub mod stochastic;
 pub mod unfiltered;
 
@@ -33,7 +36,11 @@ pub struct Picture {
     pub size: UVec2,
 }
 
-fn png_path(text: &str) -> Result<PathBuf, String> {
+/// Reads the name of a picture.
+///
+/// # Errors
+/// If it is no .png file.
+pub fn png_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension() {
         Some(extension) if extension.eq_ignore_ascii_case("png") => Ok(path),

@@ -50,6 +50,7 @@ pub mod prelude {
     pub use crate::light::{AreaLightTexture, PolygonLight};
     pub use crate::settings::{AreaLighting, DefaultAreaLighting};
     pub use crate::shadows::asset::{BakedVisibility, VisibilityBake};
+    pub use crate::shadows::debug::{AreaShadowDebug, AreaShadowDebugView};
     pub use crate::shadows::moving::ShadowProxy;
     pub use crate::shadows::settings::{AreaShadows, DefaultAreaShadows};
 }

@@ -1,16 +1,17 @@
 //! Every shader composes with Bevy's own modules and is valid for every set of shader definitions, and agrees with Rust on
 //! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
 
+use akari_area_light::shadows::debug::AreaShadowDebugView;
 use akari_area_light::shadows::moving::{GpuMovingCaster, GpuMovingCasters, MOST_CASTERS};
 use akari_area_light::shadows::types::{
-    GpuReceiver, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_TWO_SIDED,
+    GpuReceiver, GpuShadowDebug, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_TWO_SIDED,
 };
 use akari_area_light::types::{
     COUNTER_NAMES, CULL_WORKGROUP, FLAG_TWO_SIDED, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD,
     NO_TEXTURE, TILE_SIZE,
 };
 use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
-use bevy::math::{Vec3, Vec4};
+use bevy::math::{Vec2, Vec3, Vec4};
 use bevy::render::render_resource::ShaderType;
 use std::path::Path;
 
@@ -67,8 +68,19 @@ fn receivers(entry_point: &'static str) -> Entry {
     }
 }
 
+fn shadow_debug() -> Entry {
+    Entry {
+        file: "shadows/debug.wgsl",
+        source: include_str!("../src/shadows/debug.wgsl"),
+        entry_point: "debug",
+        definitions: AreaShadowDebugView::ALL
+            .map(|view| vec![view.shader_def()])
+            .to_vec(),
+    }
+}
+
 /// Every entry point of this crate.
-fn entries() -> [Entry; 6] {
+fn entries() -> [Entry; 7] {
     [
         cull(),
         shade(),
@@ -76,6 +88,7 @@ fn entries() -> [Entry; 6] {
         ratios(),
         receivers("vertex"),
         receivers("fragment"),
+        shadow_debug(),
     ]
 }
 
@@ -407,6 +420,20 @@ fn shadow_structs_have_one_layout() {
             &casters,
             &[first, ("count", 9)]
         ),
+        None
+    );
+    let debug = GpuShadowDebug {
+        cursor: Vec2::new(1.0, 0.0),
+        light_count: 2,
+        face_pixels: 3.0,
+    };
+    let fields_of_debug = [
+        ("cursor", 1.0_f32.to_bits()),
+        ("light_count", 2),
+        ("face_pixels", 3.0_f32.to_bits()),
+    ];
+    assert_eq!(
+        fault(SHADOW_TYPES, "ShadowDebug", &debug, &fields_of_debug),
         None
     );
     // And another order is noticed.

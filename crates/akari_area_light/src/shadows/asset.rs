@@ -28,6 +28,18 @@ impl From<Bake> for VisibilityBake {
 /// hierarchy. They have to keep their vertices on the CPU, as meshes do by default
 /// ([`RenderAssetUsages::default`](bevy::asset::RenderAssetUsages)), and to stay where they were baked. What else is in the
 /// scene may move, and so may every light.
+///
+/// A glTF scene that Bevy's own loader loads, with what `akari bake scene.glb --out scene.akari` made of it:
+///
+/// ```no_run
+/// # use akari_area_light::shadows::asset::BakedVisibility;
+/// # use bevy::prelude::*;
+/// fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+///     let scene = GltfAssetLabel::Scene(0).from_asset("scene.glb");
+///     commands.spawn(WorldAssetRoot(assets.load(scene)));
+///     commands.spawn(BakedVisibility(assets.load("scene.akari")));
+/// }
+/// ```
 #[derive(Component, Debug, Clone, Default, Reflect, Deref, DerefMut)]
 #[reflect(Component, Default, Debug, Clone)]
 pub struct BakedVisibility(pub Handle<VisibilityBake>);

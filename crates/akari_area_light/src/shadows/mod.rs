@@ -34,6 +34,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::{Shader, load_shader_library};
 
 pub mod asset;
+pub mod debug;
 pub mod extract;
 pub mod matching;
 pub mod moving;
@@ -99,6 +100,7 @@ pub(crate) fn build(app: &mut App) {
     load_shader_library!(app, "shadows.wgsl");
     embedded_asset!(app, "ratios.wgsl");
     embedded_asset!(app, "receivers.wgsl");
+    debug::build(app);
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
         return;
     };

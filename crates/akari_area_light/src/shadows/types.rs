@@ -1,6 +1,6 @@
 //! What the GPU reads of a bake, field by field as in `types.wgsl`.
 
-use bevy::math::Vec3;
+use bevy::math::{Vec2, Vec3};
 use bevy::render::render_resource::ShaderType;
 
 /// Invocations of a workgroup of the pass that computes shadow ratios, as in `ratios.wgsl`.
@@ -48,4 +48,15 @@ pub struct GpuShadowParams {
     pub parallax: u32,
     /// A fragment whose shadow ratios are all below this, or all above one minus this, takes the ratio.
     pub penumbra_threshold: f32,
+}
+
+/// What the pass of a debug view is told.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuShadowDebug {
+    /// The cursor, physical pixels of the target.
+    pub cursor: Vec2,
+    /// Number of lights.
+    pub light_count: u32,
+    /// Side of a cube face of the inset, pixels.
+    pub face_pixels: f32,
 }

@@ -44,3 +44,9 @@ struct ShadowParams {
     parallax: u32,
     penumbra_threshold: f32,
 }
+
+struct ShadowDebug {
+    cursor: vec2<f32>,
+    light_count: u32,
+    face_pixels: f32,
+}

@@ -1,16 +1,15 @@
 // One estimate per pixel from the samples of this frame and the history: joint bilateral upsampling, reprojection.
 
 #import bevy_render::view::View
-#import akari_math::lobe_weight::{
-    combined_weight, lobe_log_weight, normal_log_weight, plane_log_weight, spatial_log_weight,
-}
+#import akari_math::lobe_weight::{combined_weight, lobe_log_weight, plane_log_weight}
 #import akari_math::ggx::ReflectionLobe
 #import akari_math::reprojection::{plane_disocclusion, virtual_hit_point, virtual_motion_weight}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
-#import akari_denoise::signal::{demodulation, load_guide}
+#import akari_denoise::signal::load_guide
 #import akari_denoise::types::{
     DenoiseView, Remembered, dither, frames_store, remembered_unpack,
 }
+#import akari_denoise::upsample::{demodulated, gather, inverse_plane_scale, spreading_log_weight}
 #import akari_lobes::guides::{DIFFUSE_INVERSE_SHARPNESS, Guide, reflection_lobe}
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
@@ -38,121 +37,8 @@ struct Listed {
 @group(1) @binding(8) var<storage, read_write> listed: Listed;
 #endif
 
-// Standard deviation of the screen-space kernel of the upsampling, in texels of the signal.
-const UPSAMPLING_SIGMA: f32 = 0.6;
-// Texels to each side.
-const UPSAMPLING_RADIUS: i32 = 1;
-// Exponent and inverse smoothing sharpness of the guided method's likeness where samples are spread to their
-// neighbours: the other methods have their own.
-const UPSAMPLING_BETA: f32 = 20.0;
-const UPSAMPLING_INVERSE_KAPPA: f32 = 0.01;
-// The same for whether a neighbour's sample can stand for the pixel's: the overlap of the lobes as they are.
-const SUPPORT_BETA: f32 = 2.0;
-const SUPPORT_INVERSE_KAPPA: f32 = 1e-5;
-// Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
-const PLANE_TOLERANCE: f32 = 0.005;
-// Standard deviation, in pixels, of the nearness under which a sample counts as one of this very pixel.
-const OWN_SAMPLE_SIGMA: f32 = 0.35;
 // Least that the frames of one round over a block count in the mean, so that no pixel is without an estimate.
 const LEAST_SAMPLE: f32 = 0.05;
-
-// The samples of this frame as seen from one pixel.
-struct Gathered {
-    // Demodulated radiance.
-    color: vec3<f32>,
-    // Overlap of the neighbours' lobes with the pixel's, 1 where all are the same.
-    confidence: f32,
-    // How much of a sample of its own the pixel has got, 0 to 1.
-    own: f32,
-}
-
-fn demodulated(texel: vec2<i32>, pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
-    let radiance = textureLoad(signal, texel, 0).rgb;
-    // What is not a number came from the producer: it must not spread. The comparison is false for it.
-    let clean = select(vec3(0.0), max(radiance, vec3(0.0)), radiance < vec3(1e30));
-    return clean / demodulation(pixel, guide);
-}
-
-fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
-#ifdef UPSAMPLE
-    let scale = i32(denoise.scale);
-    let offset = vec2<i32>(denoise.sample_offset);
-    let last = vec2<i32>(denoise.signal_size) - 1;
-    let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
-    let inverse_two_sigma_squared = 0.5 / (UPSAMPLING_SIGMA * UPSAMPLING_SIGMA * f32(scale * scale));
-    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
-    var sum = vec3(0.0);
-    var weight_sum = 0.0;
-    var full_sum = 0.0;
-    var support = 0.0;
-    var own = 0.0;
-    var own_color = vec3(0.0);
-    // The likest sample, for where no weight is left.
-    var best_log = -1e30;
-    var best = vec3(0.0);
-    for (var y = -UPSAMPLING_RADIUS; y <= UPSAMPLING_RADIUS; y++) {
-        for (var x = -UPSAMPLING_RADIUS; x <= UPSAMPLING_RADIUS; x++) {
-            let texel = clamp(nearest + vec2(x, y), vec2(0), last);
-            let sampled = texel * scale + offset;
-            if any(sampled >= vec2<i32>(denoise.size)) {
-                continue;
-            }
-            let distance = vec2<f32>(sampled - pixel);
-            let distance_squared = dot(distance, distance);
-            let screen = spatial_log_weight(distance_squared, inverse_two_sigma_squared);
-            let full = combined_weight(screen);
-            full_sum += full;
-            let other = load_guide(sampled);
-            if !other.valid {
-                continue;
-            }
-            let likeness = likeness_log_weight(guide, other, inverse_plane);
-            let color = demodulated(texel, sampled, other);
-            let log_weight = screen + likeness;
-            let weight = combined_weight(log_weight);
-            sum += weight * color;
-            weight_sum += weight;
-            support += full * combined_weight(lobe_log_weight(
-                guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA,
-            ) + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane));
-            let owned = combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA));
-            if owned > own {
-                own = owned;
-                own_color = color;
-            }
-            if log_weight > best_log {
-                best_log = log_weight;
-                best = color;
-            }
-        }
-    }
-    // At weights this small the quotient is that of rounding errors; the likest sample stands in.
-    if weight_sum < 1e-6 {
-        return Gathered(best, 0.0, own);
-    }
-    // A sample of the pixel's own needs no neighbours: their mean would only blur it.
-    return Gathered(mix(sum / weight_sum, own_color, own), support / max(full_sum, 1e-6), own);
-#else
-    return Gathered(demodulated(pixel, pixel, guide), 1.0, 1.0);
-#endif
-}
-
-// Likeness of two pixels of one frame, for spreading samples.
-fn likeness_log_weight(i: Guide, j: Guide, inverse_plane: f32) -> f32 {
-    let plane = plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane);
-#ifdef METHOD_NORMAL
-    return plane + normal_log_weight(i.normal_ws, j.normal_ws, denoise.sigma_n_squared);
-#else
-#ifdef METHOD_GUIDED
-    let beta = UPSAMPLING_BETA;
-    let inverse_kappa = UPSAMPLING_INVERSE_KAPPA;
-#else
-    let beta = denoise.beta;
-    let inverse_kappa = denoise.inverse_kappa;
-#endif
-    return plane + lobe_log_weight(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, beta, inverse_kappa);
-#endif
-}
 
 #ifdef HISTORY
 // Exponent and inverse smoothing sharpness of the likeness of a lobe to the one that the history was reflected by.
@@ -349,7 +235,7 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
     let offset = vec2<i32>(denoise.sample_offset);
     let last = vec2<i32>(denoise.signal_size) - 1;
     let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
-    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
+    let inverse_plane = inverse_plane_scale(guide);
     let shift = vec2<i32>(floor(place)) - pixel;
     var near = Change(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
     var wide = near;
@@ -368,8 +254,9 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
             }
             // What was only spread to the neighbour from elsewhere says nothing of a change there.
             let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
-            let likeness = likeness_log_weight(guide, other, inverse_plane);
-            let now = demodulated(texel, sampled, other);
+            let likeness = spreading_log_weight(guide, other, denoise)
+                + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane);
+            let now = demodulated(signal, texel, sampled, other);
             let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
             let distance_squared = f32(x * x + y * y);
             add_change(&near, known * combined_weight(likeness - distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA))), now, was);
@@ -406,7 +293,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
         textureStore(supports, pixel, vec4(frames_store(word, 0.0)));
         return;
     }
-    let gathered = gather(pixel, guide);
+    let gathered = gather(signal, pixel, guide, denoise);
     var color = gathered.color;
     var frames = max(gathered.own, LEAST_SAMPLE / f32(denoise.scale * denoise.scale));
 #ifdef HISTORY

@@ -87,6 +87,7 @@ impl Plugin for DenoisePlugin {
         load_shader_library!(app, "signal.wgsl");
         load_shader_library!(app, "likeness.wgsl");
         load_shader_library!(app, "weights.wgsl");
+        load_shader_library!(app, "upsample.wgsl");
         embedded_asset!(app, "accumulate.wgsl");
         embedded_asset!(app, "arguments.wgsl");
         embedded_asset!(app, "merge.wgsl");

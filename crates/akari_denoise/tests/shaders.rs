@@ -25,6 +25,7 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("signal.wgsl", include_str!("../src/signal.wgsl")),
     ("likeness.wgsl", include_str!("../src/likeness.wgsl")),
     ("weights.wgsl", include_str!("../src/weights.wgsl")),
+    ("upsample.wgsl", include_str!("../src/upsample.wgsl")),
 ];
 
 /// Modules of other crates that they import.
@@ -275,8 +276,10 @@ fn wrong_shaders_are_noticed() {
             .is_ok()
     };
     assert!(outcome(accumulate.source, &history));
-    let wrong = changed("Gathered(best, 0.0, own)", "Gathered(best, 0u, own)");
-    assert!(outcome(&wrong, &["HISTORY"]));
+    let wrong = changed(
+        "frames = max(gathered.own, LEAST",
+        "frames = max(gathered.owned, LEAST",
+    );
     assert!(!outcome(&wrong, &["UPSAMPLE"]));
     let wrong = changed(
         "let motion = textureLoad(motion_vectors, pixel, 0).xy;",

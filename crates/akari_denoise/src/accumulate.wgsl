@@ -55,6 +55,7 @@ const LEAST_HISTORY_WEIGHT: f32 = 0.05;
 // Samples around a pixel that tell whether its light has changed: so many texels to each side, and the standard
 // deviations of the two Gaussians in texels.
 const CHANGE_RADIUS: i32 = 3;
+const CHANGE_SIDE: i32 = 7;
 const NEAR_SIGMA: f32 = 1.0;
 const WIDE_SIGMA: f32 = 2.5;
 // Standard errors of the mean change from which on the light has changed.
@@ -188,26 +189,32 @@ fn reproject(pixel: vec2<i32>, guide: Guide) -> History {
 // What samples around a pixel say of the change of its light since the history.
 struct Change {
     sum: vec3<f32>,
-    sum_squares: vec3<f32>,
     level: vec3<f32>,
     weights: f32,
     weights_squared: f32,
+    // Squared differences between the changes of samples side by side.
+    steps: vec3<f32>,
+    step_weights: f32,
 }
 
-fn add_change(change: ptr<function, Change>, weight: f32, now: vec3<f32>, was: vec3<f32>) {
-    let difference = now - was;
-    (*change).sum += weight * difference;
-    (*change).sum_squares += weight * difference * difference;
-    (*change).level += weight * 0.5 * (now + was);
-    (*change).weights += weight;
-    (*change).weights_squared += weight * weight;
+// Difference between this frame's sample and the history in xyz, weight in w; and the same of the samples to the left
+// and above, their weights 0 where there is none.
+fn add_change(change: ptr<function, Change>, weight: f32, level: vec3<f32>, here: vec4<f32>, left: vec4<f32>, above: vec4<f32>) {
+    let own = weight * here.w;
+    (*change).sum += own * here.xyz;
+    (*change).level += own * level;
+    (*change).weights += own;
+    (*change).weights_squared += own * own;
+    let across = here.xyz - left.xyz;
+    let down = here.xyz - above.xyz;
+    (*change).steps += own * (left.w * across * across + above.w * down * down);
+    (*change).step_weights += own * (left.w + above.w);
 }
 
-// Variance of one sample's change.
+// Variance of one sample's change by noise: half of what samples side by side differ by (the nugget of a variogram), so
+// that a change that is not the same everywhere does not pass for noise.
 fn change_variance(change: Change) -> vec3<f32> {
-    let weights = max(change.weights, 1e-6);
-    let mean = change.sum / weights;
-    return max(change.sum_squares / weights - mean * mean, vec3(0.0));
+    return change.steps * (0.5 / max(change.step_weights, 1e-6));
 }
 
 // How many times more the light has changed than noise of this variance explains.
@@ -237,30 +244,40 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
     let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
     let inverse_plane = inverse_plane_scale(guide);
     let shift = vec2<i32>(floor(place)) - pixel;
-    var near = Change(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
+    var near = Change(vec3(0.0), vec3(0.0), 0.0, 0.0, vec3(0.0), 0.0);
     var wide = near;
+    var row_above: array<vec4<f32>, CHANGE_SIDE>;
     for (var y = -CHANGE_RADIUS; y <= CHANGE_RADIUS; y++) {
+        var left = vec4(0.0);
         for (var x = -CHANGE_RADIUS; x <= CHANGE_RADIUS; x++) {
+            var here = vec4(0.0);
             let texel = nearest + vec2(x, y);
             let sampled = texel * scale + offset;
             let before = sampled + shift;
-            if any(texel < vec2(0)) || any(texel > last) || any(sampled >= vec2<i32>(denoise.size))
-                || any(before < vec2(0)) || any(before >= vec2<i32>(denoise.size)) {
-                continue;
+            let inside = all(texel >= vec2(0)) && all(texel <= last) && all(sampled < vec2<i32>(denoise.size))
+                && all(before >= vec2(0)) && all(before < vec2<i32>(denoise.size));
+            if inside {
+                let other = load_guide(sampled);
+                if other.valid {
+                    // What was only spread to the neighbour from elsewhere says nothing of a change there.
+                    let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
+                    let plane = plane_log_weight(
+                        guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane,
+                    );
+                    let now = demodulated(signal, texel, sampled, other);
+                    let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
+                    here = vec4(now - was, known * combined_weight(plane + spreading_log_weight(guide, other, denoise)));
+                    let level = 0.5 * (now + was);
+                    let distance_squared = f32(x * x + y * y);
+                    let above = row_above[x + CHANGE_RADIUS];
+                    let nearness = combined_weight(-distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA)));
+                    add_change(&near, nearness, level, here, left, above);
+                    let wideness = combined_weight(-distance_squared * (0.5 / (WIDE_SIGMA * WIDE_SIGMA)));
+                    add_change(&wide, wideness, level, here, left, above);
+                }
             }
-            let other = load_guide(sampled);
-            if !other.valid {
-                continue;
-            }
-            // What was only spread to the neighbour from elsewhere says nothing of a change there.
-            let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
-            let likeness = spreading_log_weight(guide, other, denoise)
-                + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane);
-            let now = demodulated(signal, texel, sampled, other);
-            let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
-            let distance_squared = f32(x * x + y * y);
-            add_change(&near, known * combined_weight(likeness - distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA))), now, was);
-            add_change(&wide, known * combined_weight(likeness - distance_squared * (0.5 / (WIDE_SIGMA * WIDE_SIGMA))), now, was);
+            left = here;
+            row_above[x + CHANGE_RADIUS] = here;
         }
     }
     // A few samples can look alike by chance: the larger neighbourhood knows better how noisy they are.

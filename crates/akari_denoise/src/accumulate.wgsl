@@ -7,7 +7,7 @@
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 #import akari_denoise::signal::load_guide
 #import akari_denoise::types::{
-    DenoiseView, Remembered, dither, frames_store, remembered_unpack,
+    DenoiseView, PIXELS_PER_WORD, Remembered, dither, frames_pack, frames_word, remembered_unpack,
 }
 #import akari_denoise::upsample::{demodulated, gather, inverse_plane_scale, spreading_log_weight}
 #import akari_lobes::guides::{DIFFUSE_INVERSE_SHARPNESS, Guide, reflection_lobe}
@@ -15,7 +15,8 @@
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var signal: texture_2d<f32>;
 @group(1) @binding(2) var estimates: texture_storage_2d<r32uint, write>;
-@group(1) @binding(3) var supports: texture_storage_2d<r32uint, read_write>;
+// Frames that the estimates rest on, a byte each.
+@group(1) @binding(3) var<storage, read_write> supports: array<u32>;
 #ifdef HISTORY
 @group(1) @binding(4) var previous_estimates: texture_2d<u32>;
 @group(1) @binding(5) var remembered: texture_2d<u32>;
@@ -292,23 +293,12 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
 }
 #endif
 
-@compute @workgroup_size(8, 8, 1)
-fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= denoise.size) {
-        return;
-    }
-    let pixel = vec2<i32>(id.xy);
+// The estimate of a pixel; returns the frames' worth of samples that it rests on.
+fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
     let guide = load_guide(pixel);
-#ifdef DIFFUSE_SIGNAL
-    // The specular signal came first and left its half.
-    let word = select(0u, textureLoad(supports, pixel).r, (denoise.signals & 1u) != 0u);
-#else
-    let word = 0u;
-#endif
     if !guide.valid {
         textureStore(estimates, pixel, vec4(0u));
-        textureStore(supports, pixel, vec4(frames_store(word, 0.0)));
-        return;
+        return 0.0;
     }
     let gathered = gather(signal, pixel, guide, denoise);
     var color = gathered.color;
@@ -330,10 +320,31 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     if min(gathered.confidence, 1.0) < denoise.resample_below && frames < 1.0 {
         let index = atomicAdd(&listed.count, 1u);
         if index < listed.capacity {
-            listed.pixels[index] = (id.y << 16u) | id.x;
+            listed.pixels[index] = (u32(pixel.y) << 16u) | u32(pixel.x);
         }
     }
 #endif
-    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(id.xy, denoise.frame))));
-    textureStore(supports, pixel, vec4(frames_store(word, frames)));
+    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
+    return frames;
+}
+
+const INVOCATIONS: u32 = 64u;
+// Packed frames of a workgroup's pixels: their bytes become words together.
+var<workgroup> packed: array<u32, INVOCATIONS>;
+
+@compute @workgroup_size(8, 8, 1)
+fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    var frames = 0.0;
+    if all(id.xy < denoise.size) {
+        frames = accumulate_pixel(vec2<i32>(id.xy));
+    }
+    packed[invocation] = frames_pack(frames);
+    workgroupBarrier();
+    if id.x % PIXELS_PER_WORD == 0u && all(id.xy < denoise.size) {
+        var word = 0u;
+        for (var i = 0u; i < PIXELS_PER_WORD; i++) {
+            word |= packed[invocation + i] << (8u * i);
+        }
+        supports[frames_word(id.xy, denoise.size)] = word;
+    }
 }

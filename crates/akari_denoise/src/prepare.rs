@@ -394,7 +394,8 @@ pub fn prepare_denoise_passes(
         if let (Some(debug), Some(last)) = (debug, signal_list.last()) {
             passes.filter.push(planner.debug(*last, debug));
         }
-        if let (true, Some(remembered)) = (targets.shape.history, &targets.remembered) {
+        let remembers = targets.shape.history && !signal_list.is_empty();
+        if let (true, Some(remembered)) = (remembers, &targets.remembered) {
             passes.filter.push(planner.remember(remembered));
         }
         commands.entity(entity).insert(passes);
@@ -459,7 +460,7 @@ impl<'a> Planner<'a> {
             .uniform(0, &targets.view)
             .float(1, signal.radiance)
             .write(2, current, WORD_FORMAT)
-            .update(3, &targets.supports, WORD_FORMAT);
+            .read_write(3, targets.supports_of(signal.index));
         if self.signals.scale > 1 {
             defs.push("UPSAMPLE");
         }
@@ -519,7 +520,7 @@ impl<'a> Planner<'a> {
             .read(1, &list.pixels)
             .read(2, &list.radiance)
             .write(3, current, WORD_FORMAT)
-            .update(4, &self.targets.supports, WORD_FORMAT);
+            .read_write(4, self.targets.supports_of(signal.index));
         if let Some(marks) = &self.targets.marks {
             defs.push("MARK_RESAMPLED");
             bindings = bindings.write(5, marks, WORD_FORMAT);
@@ -535,8 +536,9 @@ impl<'a> Planner<'a> {
     fn remember(&mut self, remembered: &'a TextureView) -> PreparedPass {
         let bindings = Bindings::new(Pass::Remember.label(), ShaderStages::COMPUTE)
             .uniform(0, &self.targets.view)
-            .uint(1, &self.targets.supports)
-            .write(2, remembered, REMEMBERED_FORMAT);
+            .read(1, self.targets.supports_of(0))
+            .read(2, self.targets.supports_of(1))
+            .write(3, remembered, REMEMBERED_FORMAT);
         let defs = self.defs(None, &[]);
         self.compute(Pass::Remember, defs, &bindings)
     }
@@ -592,7 +594,7 @@ impl<'a> Planner<'a> {
         if targets.estimates[signal.index].len() == 2 {
             intermediates.push(other);
         }
-        intermediates.extend(&targets.scratch);
+        intermediates.extend(targets.scratch_of(signal.index, self.state.current));
         let last = targets.shape.stages - 1;
         let mut source = estimate;
         for (index, stage) in (0..).zip(&targets.stages) {
@@ -664,7 +666,7 @@ impl<'a> Planner<'a> {
             .uniform(0, &targets.view)
             .uniform(1, &targets.stages[0])
             .uint(2, estimate)
-            .uint(3, &targets.supports)
+            .read(3, targets.supports_of(signal.index))
             .uint(4, targets.remembered.as_ref().unwrap_or(estimate));
         if let Some(marks) = &targets.marks {
             defs.push("MARK_RESAMPLED");

@@ -445,9 +445,10 @@ fn tiles_hold_what_is_pooled() {
 #[test]
 fn the_first_bit_is_the_specular_signal() {
     assert!(
-        include_str!("../src/accumulate.wgsl")
-            .contains(&format!("(denoise.signals & {SPECULAR_BIT}u) != 0u")),
-        "the diffuse pass asks whether there was a specular one"
+        include_str!("../src/remember.wgsl").contains(&format!(
+            "vec2((denoise.signals & {SPECULAR_BIT}u) != 0u, (denoise.signals & {DIFFUSE_BIT}u) != 0u)"
+        )),
+        "what is remembered asks which signals there are"
     );
     assert_eq!(SPECULAR_BIT & DIFFUSE_BIT, 0);
 }

@@ -41,6 +41,9 @@ struct Listed {
 // Least that the frames of one round over a block count in the mean, so that no pixel is without an estimate.
 const LEAST_SAMPLE: f32 = 0.05;
 
+// Expected relative error at which a pixel without a sample of its own is half as trustworthy.
+const HALF_CONFIDENCE_ERROR: f32 = 0.05;
+
 #ifdef HISTORY
 // Exponent and inverse smoothing sharpness of the likeness of a lobe to the one that the history was reflected by.
 const HISTORY_BETA: f32 = 4.0;
@@ -302,6 +305,7 @@ fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
     }
     let gathered = gather(signal, pixel, guide, denoise);
     var color = gathered.color;
+    var history_share = 0.0;
     var frames = max(gathered.own, LEAST_SAMPLE / f32(denoise.scale * denoise.scale));
 #ifdef HISTORY
     var history = History(vec3(0.0), 0.0, 0.0);
@@ -314,10 +318,14 @@ fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
         let holds = max(history.holds, gathered.own);
         color = mix(mix(color, history.color, holds), color, frames / (frames + kept));
         frames += kept;
+        history_share = holds;
     }
 #endif
 #ifdef RESAMPLE
-    if min(gathered.confidence, 1.0) < denoise.resample_below && frames < 1.0 {
+    // Samples that differ from each other tell a pixel between them little; what history holds needs them less.
+    let expected_error = gathered.deviation * (1.0 - history_share) / HALF_CONFIDENCE_ERROR;
+    let confidence = select(1.0, min(gathered.confidence, 1.0), frames < 1.0) / (1.0 + expected_error * expected_error);
+    if gathered.own == 0.0 && confidence < denoise.resample_below {
         let index = atomicAdd(&listed.count, 1u);
         if index < listed.capacity {
             listed.pixels[index] = (u32(pixel.y) << 16u) | u32(pixel.x);

@@ -225,10 +225,17 @@ fn stage_count(settings: &Denoise) -> u32 {
     }
 }
 
-/// Radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3 spline
-/// (1, 4, 6, 4, 1) / 16.
-const A_TROUS_RADIUS: i32 = 2;
+/// Largest radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3
+/// spline (1, 4, 6, 4, 1) / 16.
+const A_TROUS_RADIUS: u32 = 2;
 const A_TROUS_SIGMA: f32 = 1.0;
+/// The same of three taps: wide for so few, so that three levels still reach far.
+const NARROW_A_TROUS_SIGMA: f32 = 0.85;
+
+/// Whether the à-trous kernel has three taps to a side, and noise is pooled over fewer pixels.
+fn is_narrow(settings: &Denoise) -> bool {
+    settings.kernel == Kernel::ATrous && settings.radius < A_TROUS_RADIUS
+}
 
 fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
     let radius = settings.radius.min(16) as i32;
@@ -248,17 +255,20 @@ fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
             stage(0, IVec2::new(radius, 0), 1, sigma),
             stage(1, IVec2::new(0, radius), 1, sigma),
         ],
-        Kernel::ATrous => (0..stage_count(settings))
-            .map(|level| {
-                let stride = 1 << level;
-                stage(
-                    level,
-                    IVec2::splat(A_TROUS_RADIUS),
-                    stride,
-                    A_TROUS_SIGMA * stride as f32,
-                )
-            })
-            .collect(),
+        Kernel::ATrous => {
+            let radius = IVec2::splat(settings.radius.min(A_TROUS_RADIUS) as i32);
+            let sigma = if is_narrow(settings) {
+                NARROW_A_TROUS_SIGMA
+            } else {
+                A_TROUS_SIGMA
+            };
+            (0..stage_count(settings))
+                .map(|level| {
+                    let stride = 1 << level;
+                    stage(level, radius, stride, sigma * stride as f32)
+                })
+                .collect()
+        }
     }
 }
 
@@ -578,7 +588,12 @@ impl<'a> Planner<'a> {
                 .uniform(0, &targets.view)
                 .uint(1, workspace)
                 .write(2, other, WORD_FORMAT);
-            let defs = self.defs(Some(signal), &[]);
+            let narrow: &[&str] = if is_narrow(self.settings) {
+                &["NARROW"]
+            } else {
+                &[]
+            };
+            let defs = self.defs(Some(signal), narrow);
             passes.push(self.compute(Pass::Noise, defs, &bindings));
         }
         if targets.shape.guide {

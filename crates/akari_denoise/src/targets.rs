@@ -216,9 +216,9 @@ impl DenoiseTargets {
 
     /// Where a signal's filter may put intermediate results, beside that signal's own second estimate; `current` is the
     /// estimate of this frame.
-    pub fn scratch_of(&self, index: usize, current: usize) -> Option<&TextureView> {
+    pub fn scratch_of(&self, index: usize, current: usize) -> impl Iterator<Item = &TextureView> {
         let other = &self.estimates[1 - index];
         let spare = (other.len() == 2).then(|| &other[1 - current]);
-        self.scratch.first().or(spare)
+        self.scratch.iter().chain(spare)
     }
 }

@@ -29,6 +29,10 @@ const SUPPORT_INVERSE_KAPPA: f32 = 1e-5;
 const PLANE_TOLERANCE: f32 = 0.005;
 // Logarithm of a tap that is none; every true one is above.
 const NO_TAP: f32 = -1e30;
+// Largest difference of colours that is told from a larger one, and what is added to the level that it is compared
+// with: signals are pre-exposed, so that what is far darker than 1 is hardly seen.
+const MAX_DIFFERENCE: f32 = 1e9;
+const EXPOSED_LEVEL: f32 = 2.0;
 // Share of the weights from which on a tap's colour counts among those that the estimate lies between.
 const SEEN_SHARE: f32 = 1e-3;
 
@@ -38,6 +42,8 @@ struct Gathered {
     color: vec3<f32>,
     // Overlap of the neighbours' lobes with the pixel's, 1 where all are the same.
     confidence: f32,
+    // Standard deviation of the samples about the estimate, relative to how bright the picture is there.
+    deviation: f32,
     // 1 if one of the samples is of this very pixel, else 0.
     own: f32,
 }
@@ -120,9 +126,6 @@ fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: Deno
         let turn = other.axis - guide.axis;
         near_sum += near;
         spread += near * dot(turn, turn);
-        support += full * combined_weight(plane + lobe_log_weight(
-            guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA,
-        ));
         logs[tap] = screen + plane;
 #ifdef METHOD_NORMAL
         logs[tap] += spreading_log_weight(guide, other, denoise);
@@ -131,7 +134,7 @@ fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: Deno
         turns[tap] = vec4(turn, other.inverse_sharpness);
         if all(sampled == pixel) {
             // A sample of the pixel's own needs no neighbours: their mean would only blur it.
-            return Gathered(colors[tap], 1.0, 1.0);
+            return Gathered(colors[tap], 1.0, 0.0, 1.0);
         }
     }
     let widening = spread / max(near_sum, 1e-6);
@@ -140,13 +143,16 @@ fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: Deno
         if logs[tap] == NO_TAP {
             continue;
         }
+        support += combined_weight(logs[tap] + lobe_log_weight(
+            guide.axis, guide.inverse_sharpness, guide.axis + turns[tap].xyz, turns[tap].w, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA + widening,
+        ));
 #ifndef METHOD_NORMAL
         logs[tap] += widened_log_weight(guide, guide.axis + turns[tap].xyz, turns[tap].w, widening, denoise);
 #endif
         best = max(best, logs[tap]);
     }
     if best == NO_TAP {
-        return Gathered(vec3(0.0), 0.0, 0.0);
+        return Gathered(vec3(0.0), 0.0, 0.0, 0.0);
     }
     // Relative to the best one, so that the sum is never a quotient of rounding errors.
     var weight_sum = 0.0;
@@ -190,7 +196,16 @@ fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: Deno
     }
     color = clamp(line, least, most);
 #endif
-    return Gathered(color, support / max(full_sum, 1e-6), 0.0);
+    var squares = 0.0;
+    for (var tap = 0; tap < UPSAMPLING_TAPS; tap++) {
+        if logs[tap] > 0.0 {
+            // Held so that its square is finite.
+            let difference = min(abs(colors[tap] - color), vec3(MAX_DIFFERENCE));
+            squares += logs[tap] * dot(difference, difference);
+        }
+    }
+    let deviation = sqrt(squares / (3.0 * weight_sum)) / (EXPOSED_LEVEL + (mean.x + mean.y + mean.z) * (1.0 / 3.0));
+    return Gathered(color, support / max(full_sum, 1e-6), deviation, 0.0);
 }
 
 // A turn of the axis in the two directions at right angles to it.
@@ -199,6 +214,6 @@ fn turned(frame: mat3x3<f32>, turn: vec3<f32>) -> vec2<f32> {
 }
 #else
 fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: DenoiseView) -> Gathered {
-    return Gathered(demodulated(signal, pixel, pixel, guide), 1.0, 1.0);
+    return Gathered(demodulated(signal, pixel, pixel, guide), 1.0, 0.0, 1.0);
 }
 #endif

@@ -131,7 +131,8 @@ fn residual() -> Entry {
 
 fn noise() -> Entry {
     let source = include_str!("../src/noise.wgsl");
-    entry("noise.wgsl", source, "noise_variance", &[SIGNAL])
+    let pool: Sets = &[&[], &["NARROW"]];
+    entry("noise.wgsl", source, "noise_variance", &[SIGNAL, pool])
 }
 
 fn guide() -> Entry {
@@ -405,8 +406,14 @@ fn lists_agree() {
 /// A workgroup of the noise pass loads all that its pixels pool.
 #[test]
 fn tiles_hold_what_is_pooled() {
+    for names in [&[] as &[&str], &["NARROW"]] {
+        assert_tile(names);
+    }
+}
+
+fn assert_tile(names: &[&str]) {
     let mut composer = composer();
-    let module = composed(&mut composer, &noise(), &[]);
+    let module = composed(&mut composer, &noise(), names);
     let constants: std::collections::BTreeMap<_, _> = module
         .constants
         .iter()

@@ -79,8 +79,9 @@ pub struct Denoise {
     pub anisotropic: bool,
     /// Frames of history that an estimate is made of; 1 keeps none, and then no pass and no memory. 1 to 64.
     pub history: u32,
-    /// Confidence, as a share of a fully supported pixel, below which a pixel of an upsampled signal is listed to be
-    /// shaded again; 0 lists none. 0 to 1. Only where the producer can.
+    /// Confidence below which a pixel of an upsampled signal is listed to be shaded again: the overlap of the neighbours'
+    /// lobes with its own, halved where their samples deviate by a twentieth of (2 + their mean) and no history tells
+    /// which is right. 0 lists none. 0 to 1. At most a twelfth of the pixels, and only where the producer can.
     pub resample_below: f32,
 }
 

@@ -1,22 +1,22 @@
 // One estimate per pixel from the samples of this frame and the history: joint bilateral upsampling, reprojection.
 
 #import bevy_render::view::View
-#import akari_math::lobe_weight::{
-    combined_weight, lobe_log_weight, normal_log_weight, plane_log_weight, spatial_log_weight,
-}
+#import akari_math::lobe_weight::{combined_weight, lobe_log_weight, plane_log_weight}
 #import akari_math::ggx::ReflectionLobe
 #import akari_math::reprojection::{plane_disocclusion, virtual_hit_point, virtual_motion_weight}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
-#import akari_denoise::signal::{demodulation, load_guide}
+#import akari_denoise::signal::load_guide
 #import akari_denoise::types::{
-    DenoiseView, Remembered, dither, frames_store, remembered_unpack,
+    DenoiseView, PIXELS_PER_WORD, Remembered, dither, frames_pack, frames_word, remembered_unpack,
 }
+#import akari_denoise::upsample::{demodulated, gather, inverse_plane_scale, spreading_log_weight}
 #import akari_lobes::guides::{DIFFUSE_INVERSE_SHARPNESS, Guide, reflection_lobe}
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var signal: texture_2d<f32>;
 @group(1) @binding(2) var estimates: texture_storage_2d<r32uint, write>;
-@group(1) @binding(3) var supports: texture_storage_2d<r32uint, read_write>;
+// Frames that the estimates rest on, a byte each.
+@group(1) @binding(3) var<storage, read_write> supports: array<u32>;
 #ifdef HISTORY
 @group(1) @binding(4) var previous_estimates: texture_2d<u32>;
 @group(1) @binding(5) var remembered: texture_2d<u32>;
@@ -38,121 +38,11 @@ struct Listed {
 @group(1) @binding(8) var<storage, read_write> listed: Listed;
 #endif
 
-// Standard deviation of the screen-space kernel of the upsampling, in texels of the signal.
-const UPSAMPLING_SIGMA: f32 = 0.6;
-// Texels to each side.
-const UPSAMPLING_RADIUS: i32 = 1;
-// Exponent and inverse smoothing sharpness of the guided method's likeness where samples are spread to their
-// neighbours: the other methods have their own.
-const UPSAMPLING_BETA: f32 = 20.0;
-const UPSAMPLING_INVERSE_KAPPA: f32 = 0.01;
-// The same for whether a neighbour's sample can stand for the pixel's: the overlap of the lobes as they are.
-const SUPPORT_BETA: f32 = 2.0;
-const SUPPORT_INVERSE_KAPPA: f32 = 1e-5;
-// Distance from a tangent plane, relative to the distance to the camera, that counts as one standard deviation.
-const PLANE_TOLERANCE: f32 = 0.005;
-// Standard deviation, in pixels, of the nearness under which a sample counts as one of this very pixel.
-const OWN_SAMPLE_SIGMA: f32 = 0.35;
 // Least that the frames of one round over a block count in the mean, so that no pixel is without an estimate.
 const LEAST_SAMPLE: f32 = 0.05;
 
-// The samples of this frame as seen from one pixel.
-struct Gathered {
-    // Demodulated radiance.
-    color: vec3<f32>,
-    // Overlap of the neighbours' lobes with the pixel's, 1 where all are the same.
-    confidence: f32,
-    // How much of a sample of its own the pixel has got, 0 to 1.
-    own: f32,
-}
-
-fn demodulated(texel: vec2<i32>, pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
-    let radiance = textureLoad(signal, texel, 0).rgb;
-    // What is not a number came from the producer: it must not spread. The comparison is false for it.
-    let clean = select(vec3(0.0), max(radiance, vec3(0.0)), radiance < vec3(1e30));
-    return clean / demodulation(pixel, guide);
-}
-
-fn gather(pixel: vec2<i32>, guide: Guide) -> Gathered {
-#ifdef UPSAMPLE
-    let scale = i32(denoise.scale);
-    let offset = vec2<i32>(denoise.sample_offset);
-    let last = vec2<i32>(denoise.signal_size) - 1;
-    let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
-    let inverse_two_sigma_squared = 0.5 / (UPSAMPLING_SIGMA * UPSAMPLING_SIGMA * f32(scale * scale));
-    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
-    var sum = vec3(0.0);
-    var weight_sum = 0.0;
-    var full_sum = 0.0;
-    var support = 0.0;
-    var own = 0.0;
-    var own_color = vec3(0.0);
-    // The likest sample, for where no weight is left.
-    var best_log = -1e30;
-    var best = vec3(0.0);
-    for (var y = -UPSAMPLING_RADIUS; y <= UPSAMPLING_RADIUS; y++) {
-        for (var x = -UPSAMPLING_RADIUS; x <= UPSAMPLING_RADIUS; x++) {
-            let texel = clamp(nearest + vec2(x, y), vec2(0), last);
-            let sampled = texel * scale + offset;
-            if any(sampled >= vec2<i32>(denoise.size)) {
-                continue;
-            }
-            let distance = vec2<f32>(sampled - pixel);
-            let distance_squared = dot(distance, distance);
-            let screen = spatial_log_weight(distance_squared, inverse_two_sigma_squared);
-            let full = combined_weight(screen);
-            full_sum += full;
-            let other = load_guide(sampled);
-            if !other.valid {
-                continue;
-            }
-            let likeness = likeness_log_weight(guide, other, inverse_plane);
-            let color = demodulated(texel, sampled, other);
-            let log_weight = screen + likeness;
-            let weight = combined_weight(log_weight);
-            sum += weight * color;
-            weight_sum += weight;
-            support += full * combined_weight(lobe_log_weight(
-                guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA,
-            ) + plane_log_weight(guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane));
-            let owned = combined_weight(likeness - 0.5 * distance_squared / (OWN_SAMPLE_SIGMA * OWN_SAMPLE_SIGMA));
-            if owned > own {
-                own = owned;
-                own_color = color;
-            }
-            if log_weight > best_log {
-                best_log = log_weight;
-                best = color;
-            }
-        }
-    }
-    // At weights this small the quotient is that of rounding errors; the likest sample stands in.
-    if weight_sum < 1e-6 {
-        return Gathered(best, 0.0, own);
-    }
-    // A sample of the pixel's own needs no neighbours: their mean would only blur it.
-    return Gathered(mix(sum / weight_sum, own_color, own), support / max(full_sum, 1e-6), own);
-#else
-    return Gathered(demodulated(pixel, pixel, guide), 1.0, 1.0);
-#endif
-}
-
-// Likeness of two pixels of one frame, for spreading samples.
-fn likeness_log_weight(i: Guide, j: Guide, inverse_plane: f32) -> f32 {
-    let plane = plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane);
-#ifdef METHOD_NORMAL
-    return plane + normal_log_weight(i.normal_ws, j.normal_ws, denoise.sigma_n_squared);
-#else
-#ifdef METHOD_GUIDED
-    let beta = UPSAMPLING_BETA;
-    let inverse_kappa = UPSAMPLING_INVERSE_KAPPA;
-#else
-    let beta = denoise.beta;
-    let inverse_kappa = denoise.inverse_kappa;
-#endif
-    return plane + lobe_log_weight(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, beta, inverse_kappa);
-#endif
-}
+// Expected relative error at which a pixel without a sample of its own is half as trustworthy.
+const HALF_CONFIDENCE_ERROR: f32 = 0.05;
 
 #ifdef HISTORY
 // Exponent and inverse smoothing sharpness of the likeness of a lobe to the one that the history was reflected by.
@@ -169,6 +59,7 @@ const LEAST_HISTORY_WEIGHT: f32 = 0.05;
 // Samples around a pixel that tell whether its light has changed: so many texels to each side, and the standard
 // deviations of the two Gaussians in texels.
 const CHANGE_RADIUS: i32 = 3;
+const CHANGE_SIDE: i32 = 7;
 const NEAR_SIGMA: f32 = 1.0;
 const WIDE_SIGMA: f32 = 2.5;
 // Standard errors of the mean change from which on the light has changed.
@@ -302,26 +193,32 @@ fn reproject(pixel: vec2<i32>, guide: Guide) -> History {
 // What samples around a pixel say of the change of its light since the history.
 struct Change {
     sum: vec3<f32>,
-    sum_squares: vec3<f32>,
     level: vec3<f32>,
     weights: f32,
     weights_squared: f32,
+    // Squared differences between the changes of samples side by side.
+    steps: vec3<f32>,
+    step_weights: f32,
 }
 
-fn add_change(change: ptr<function, Change>, weight: f32, now: vec3<f32>, was: vec3<f32>) {
-    let difference = now - was;
-    (*change).sum += weight * difference;
-    (*change).sum_squares += weight * difference * difference;
-    (*change).level += weight * 0.5 * (now + was);
-    (*change).weights += weight;
-    (*change).weights_squared += weight * weight;
+// Difference between this frame's sample and the history in xyz, weight in w; and the same of the samples to the left
+// and above, their weights 0 where there is none.
+fn add_change(change: ptr<function, Change>, weight: f32, level: vec3<f32>, here: vec4<f32>, left: vec4<f32>, above: vec4<f32>) {
+    let own = weight * here.w;
+    (*change).sum += own * here.xyz;
+    (*change).level += own * level;
+    (*change).weights += own;
+    (*change).weights_squared += own * own;
+    let across = here.xyz - left.xyz;
+    let down = here.xyz - above.xyz;
+    (*change).steps += own * (left.w * across * across + above.w * down * down);
+    (*change).step_weights += own * (left.w + above.w);
 }
 
-// Variance of one sample's change.
+// Variance of one sample's change by noise: half of what samples side by side differ by (the nugget of a variogram), so
+// that a change that is not the same everywhere does not pass for noise.
 fn change_variance(change: Change) -> vec3<f32> {
-    let weights = max(change.weights, 1e-6);
-    let mean = change.sum / weights;
-    return max(change.sum_squares / weights - mean * mean, vec3(0.0));
+    return change.steps * (0.5 / max(change.step_weights, 1e-6));
 }
 
 // How many times more the light has changed than noise of this variance explains.
@@ -349,31 +246,42 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
     let offset = vec2<i32>(denoise.sample_offset);
     let last = vec2<i32>(denoise.signal_size) - 1;
     let nearest = vec2<i32>(round(vec2<f32>(pixel - offset) / f32(scale)));
-    let inverse_plane = 1.0 / (PLANE_TOLERANCE * length(guide.position_rel));
+    let inverse_plane = inverse_plane_scale(guide);
     let shift = vec2<i32>(floor(place)) - pixel;
-    var near = Change(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0);
+    var near = Change(vec3(0.0), vec3(0.0), 0.0, 0.0, vec3(0.0), 0.0);
     var wide = near;
+    var row_above: array<vec4<f32>, CHANGE_SIDE>;
     for (var y = -CHANGE_RADIUS; y <= CHANGE_RADIUS; y++) {
+        var left = vec4(0.0);
         for (var x = -CHANGE_RADIUS; x <= CHANGE_RADIUS; x++) {
+            var here = vec4(0.0);
             let texel = nearest + vec2(x, y);
             let sampled = texel * scale + offset;
             let before = sampled + shift;
-            if any(texel < vec2(0)) || any(texel > last) || any(sampled >= vec2<i32>(denoise.size))
-                || any(before < vec2(0)) || any(before >= vec2<i32>(denoise.size)) {
-                continue;
+            let inside = all(texel >= vec2(0)) && all(texel <= last) && all(sampled < vec2<i32>(denoise.size))
+                && all(before >= vec2(0)) && all(before < vec2<i32>(denoise.size));
+            if inside {
+                let other = load_guide(sampled);
+                if other.valid {
+                    // What was only spread to the neighbour from elsewhere says nothing of a change there.
+                    let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
+                    let plane = plane_log_weight(
+                        guide.normal_ws, other.normal_ws, other.position_rel - guide.position_rel, inverse_plane,
+                    );
+                    let now = demodulated(signal, texel, sampled, other);
+                    let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
+                    here = vec4(now - was, known * combined_weight(plane + spreading_log_weight(guide, other, denoise)));
+                    let level = 0.5 * (now + was);
+                    let distance_squared = f32(x * x + y * y);
+                    let above = row_above[x + CHANGE_RADIUS];
+                    let nearness = combined_weight(-distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA)));
+                    add_change(&near, nearness, level, here, left, above);
+                    let wideness = combined_weight(-distance_squared * (0.5 / (WIDE_SIGMA * WIDE_SIGMA)));
+                    add_change(&wide, wideness, level, here, left, above);
+                }
             }
-            let other = load_guide(sampled);
-            if !other.valid {
-                continue;
-            }
-            // What was only spread to the neighbour from elsewhere says nothing of a change there.
-            let known = saturate(remembered_unpack(textureLoad(remembered, before, 0).xy).history);
-            let likeness = likeness_log_weight(guide, other, inverse_plane);
-            let now = demodulated(texel, sampled, other);
-            let was = radiance_unpack(textureLoad(previous_estimates, before, 0).r);
-            let distance_squared = f32(x * x + y * y);
-            add_change(&near, known * combined_weight(likeness - distance_squared * (0.5 / (NEAR_SIGMA * NEAR_SIGMA))), now, was);
-            add_change(&wide, known * combined_weight(likeness - distance_squared * (0.5 / (WIDE_SIGMA * WIDE_SIGMA))), now, was);
+            left = here;
+            row_above[x + CHANGE_RADIUS] = here;
         }
     }
     // A few samples can look alike by chance: the larger neighbourhood knows better how noisy they are.
@@ -388,26 +296,16 @@ fn correct_history(history: History, place: vec2<f32>, pixel: vec2<i32>, guide: 
 }
 #endif
 
-@compute @workgroup_size(8, 8, 1)
-fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= denoise.size) {
-        return;
-    }
-    let pixel = vec2<i32>(id.xy);
+// The estimate of a pixel; returns the frames' worth of samples that it rests on.
+fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
     let guide = load_guide(pixel);
-#ifdef DIFFUSE_SIGNAL
-    // The specular signal came first and left its half.
-    let word = select(0u, textureLoad(supports, pixel).r, (denoise.signals & 1u) != 0u);
-#else
-    let word = 0u;
-#endif
     if !guide.valid {
         textureStore(estimates, pixel, vec4(0u));
-        textureStore(supports, pixel, vec4(frames_store(word, 0.0)));
-        return;
+        return 0.0;
     }
-    let gathered = gather(pixel, guide);
+    let gathered = gather(signal, pixel, guide, denoise);
     var color = gathered.color;
+    var history_share = 0.0;
     var frames = max(gathered.own, LEAST_SAMPLE / f32(denoise.scale * denoise.scale));
 #ifdef HISTORY
     var history = History(vec3(0.0), 0.0, 0.0);
@@ -420,16 +318,41 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
         let holds = max(history.holds, gathered.own);
         color = mix(mix(color, history.color, holds), color, frames / (frames + kept));
         frames += kept;
+        history_share = holds;
     }
 #endif
 #ifdef RESAMPLE
-    if min(gathered.confidence, 1.0) < denoise.resample_below && frames < 1.0 {
+    // Samples that differ from each other tell a pixel between them little; what history holds needs them less.
+    let expected_error = gathered.deviation * (1.0 - history_share) / HALF_CONFIDENCE_ERROR;
+    let confidence = select(1.0, min(gathered.confidence, 1.0), frames < 1.0) / (1.0 + expected_error * expected_error);
+    if gathered.own == 0.0 && confidence < denoise.resample_below {
         let index = atomicAdd(&listed.count, 1u);
         if index < listed.capacity {
-            listed.pixels[index] = (id.y << 16u) | id.x;
+            listed.pixels[index] = (u32(pixel.y) << 16u) | u32(pixel.x);
         }
     }
 #endif
-    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(id.xy, denoise.frame))));
-    textureStore(supports, pixel, vec4(frames_store(word, frames)));
+    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
+    return frames;
+}
+
+const INVOCATIONS: u32 = 64u;
+// Packed frames of a workgroup's pixels: their bytes become words together.
+var<workgroup> packed: array<u32, INVOCATIONS>;
+
+@compute @workgroup_size(8, 8, 1)
+fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    var frames = 0.0;
+    if all(id.xy < denoise.size) {
+        frames = accumulate_pixel(vec2<i32>(id.xy));
+    }
+    packed[invocation] = frames_pack(frames);
+    workgroupBarrier();
+    if id.x % PIXELS_PER_WORD == 0u && all(id.xy < denoise.size) {
+        var word = 0u;
+        for (var i = 0u; i < PIXELS_PER_WORD; i++) {
+            word |= packed[invocation + i] << (8u * i);
+        }
+        supports[frames_word(id.xy, denoise.size)] = word;
+    }
 }

@@ -3,7 +3,7 @@
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import akari_math::lobe_packing::lobe_width
 #import akari_denoise::signal::load_guide
-#import akari_denoise::types::{DenoiseStage, DenoiseView, frames_unpack}
+#import akari_denoise::types::{DenoiseStage, DenoiseView, frames_bit, frames_unpack, frames_word}
 #ifdef VIEW_WEIGHTS
 #import akari_denoise::weights::{Center, center_of, stage_log_weight}
 #import akari_math::lobe_weight::combined_weight
@@ -12,7 +12,7 @@
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var<uniform> stage: DenoiseStage;
 @group(1) @binding(2) var estimates: texture_2d<u32>;
-@group(1) @binding(3) var supports: texture_2d<u32>;
+@group(1) @binding(3) var<storage, read> supports: array<u32>;
 @group(1) @binding(4) var prefiltered: texture_2d<u32>;
 #ifdef MARK_RESAMPLED
 @group(1) @binding(6) var marks: texture_2d<u32>;
@@ -42,7 +42,7 @@ fn debug(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     return vec4(vec3(lobe_width(guide.inverse_sharpness)), 1.0);
 #endif
 #ifdef VIEW_HISTORY
-    let frames = frames_unpack(textureLoad(supports, pixel, 0).r);
+    let frames = frames_unpack(supports[frames_word(vec2<u32>(pixel), denoise.size)] >> frames_bit(vec2<u32>(pixel)));
     return vec4(vec3(frames / max(denoise.max_history, 1.0)), 1.0);
 #endif
 #ifdef VIEW_WEIGHTS

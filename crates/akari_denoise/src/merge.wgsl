@@ -2,13 +2,13 @@
 
 #import akari_math::signal_packing::radiance_pack
 #import akari_denoise::signal::{demodulation, load_guide}
-#import akari_denoise::types::{DenoiseView, dither, frames_store}
+#import akari_denoise::types::{DenoiseView, dither, frames_bit, frames_pack, frames_word}
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var<storage, read> listed: array<u32>;
-@group(1) @binding(2) var<storage, read> shaded: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read> shaded: array<vec2<u32>>;
 @group(1) @binding(3) var estimates: texture_storage_2d<r32uint, write>;
-@group(1) @binding(4) var supports: texture_storage_2d<r32uint, read_write>;
+@group(1) @binding(4) var<storage, read_write> supports: array<atomic<u32>>;
 #ifdef MARK_RESAMPLED
 @group(1) @binding(5) var marks: texture_storage_2d<r32uint, write>;
 #endif
@@ -21,7 +21,8 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= listed[0] {
         return;
     }
-    let radiance = shaded[id.x];
+    let halves = shaded[id.x];
+    let radiance = vec4(unpack2x16float(halves.x), unpack2x16float(halves.y));
     if radiance.w != 1.0 {
         return;
     }
@@ -33,9 +34,11 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let color = clamp(radiance.rgb, vec3(0.0), vec3(1e30)) / demodulation(pixel, guide);
     textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
-    let support = textureLoad(supports, pixel).r;
-    // A sample of its own: as good as a frame of history.
-    textureStore(supports, pixel, vec4(frames_store(support, 1.0)));
+    // A sample of its own: as good as a frame of history. Pixels that share the word are merged at the same time.
+    let place = frames_word(vec2<u32>(pixel), denoise.size);
+    let bit = frames_bit(vec2<u32>(pixel));
+    atomicAnd(&supports[place], ~(0xffu << bit));
+    atomicOr(&supports[place], frames_pack(1.0) << bit);
 #ifdef MARK_RESAMPLED
     textureStore(marks, pixel, vec4(denoise.frame));
 #endif

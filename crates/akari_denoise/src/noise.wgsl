@@ -11,8 +11,13 @@
 @group(1) @binding(2) var noise: texture_storage_2d<r32uint, write>;
 
 // Neighbours to each side that are pooled, and the standard deviation of the screen-space Gaussian, pixels.
+#ifdef NARROW
+const RADIUS: i32 = 3;
+const SIGMA: f32 = 1.5;
+#else
 const RADIUS: i32 = 4;
 const SIGMA: f32 = 2.0;
+#endif
 // Correlations at which residuals are all signal, and at which the noise under it is taken from around.
 const ALL_SIGNAL: f32 = 1.0;
 const ALL_HIDDEN: f32 = 0.6;
@@ -20,8 +25,13 @@ const ALL_HIDDEN: f32 = 0.6;
 const LEAST_LEVEL: f32 = 1e-6;
 const GROUP: i32 = 8;
 // Pixels of a workgroup with all that they pool.
+#ifdef NARROW
+const TILE: i32 = 14;
+const TILE_PIXELS: u32 = 196u;
+#else
 const TILE: i32 = 16;
 const TILE_PIXELS: u32 = 256u;
+#endif
 const INVOCATIONS: u32 = 64u;
 
 // Per pixel of the tile: energy of the residual; its products with the neighbours to the right, below, below right and

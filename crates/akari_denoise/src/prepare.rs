@@ -225,10 +225,17 @@ fn stage_count(settings: &Denoise) -> u32 {
     }
 }
 
-/// Radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3 spline
-/// (1, 4, 6, 4, 1) / 16.
-const A_TROUS_RADIUS: i32 = 2;
+/// Largest radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3
+/// spline (1, 4, 6, 4, 1) / 16.
+const A_TROUS_RADIUS: u32 = 2;
 const A_TROUS_SIGMA: f32 = 1.0;
+/// The same of three taps: wide for so few, so that three levels still reach far.
+const NARROW_A_TROUS_SIGMA: f32 = 0.85;
+
+/// Whether the à-trous kernel has three taps to a side, and noise is pooled over fewer pixels.
+fn is_narrow(settings: &Denoise) -> bool {
+    settings.kernel == Kernel::ATrous && settings.radius < A_TROUS_RADIUS
+}
 
 fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
     let radius = settings.radius.min(16) as i32;
@@ -248,17 +255,20 @@ fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
             stage(0, IVec2::new(radius, 0), 1, sigma),
             stage(1, IVec2::new(0, radius), 1, sigma),
         ],
-        Kernel::ATrous => (0..stage_count(settings))
-            .map(|level| {
-                let stride = 1 << level;
-                stage(
-                    level,
-                    IVec2::splat(A_TROUS_RADIUS),
-                    stride,
-                    A_TROUS_SIGMA * stride as f32,
-                )
-            })
-            .collect(),
+        Kernel::ATrous => {
+            let radius = IVec2::splat(settings.radius.min(A_TROUS_RADIUS) as i32);
+            let sigma = if is_narrow(settings) {
+                NARROW_A_TROUS_SIGMA
+            } else {
+                A_TROUS_SIGMA
+            };
+            (0..stage_count(settings))
+                .map(|level| {
+                    let stride = 1 << level;
+                    stage(level, radius, stride, sigma * stride as f32)
+                })
+                .collect()
+        }
     }
 }
 
@@ -394,7 +404,8 @@ pub fn prepare_denoise_passes(
         if let (Some(debug), Some(last)) = (debug, signal_list.last()) {
             passes.filter.push(planner.debug(*last, debug));
         }
-        if let (true, Some(remembered)) = (targets.shape.history, &targets.remembered) {
+        let remembers = targets.shape.history && !signal_list.is_empty();
+        if let (true, Some(remembered)) = (remembers, &targets.remembered) {
             passes.filter.push(planner.remember(remembered));
         }
         commands.entity(entity).insert(passes);
@@ -459,7 +470,7 @@ impl<'a> Planner<'a> {
             .uniform(0, &targets.view)
             .float(1, signal.radiance)
             .write(2, current, WORD_FORMAT)
-            .update(3, &targets.supports, WORD_FORMAT);
+            .read_write(3, targets.supports_of(signal.index));
         if self.signals.scale > 1 {
             defs.push("UPSAMPLE");
         }
@@ -519,7 +530,7 @@ impl<'a> Planner<'a> {
             .read(1, &list.pixels)
             .read(2, &list.radiance)
             .write(3, current, WORD_FORMAT)
-            .update(4, &self.targets.supports, WORD_FORMAT);
+            .read_write(4, self.targets.supports_of(signal.index));
         if let Some(marks) = &self.targets.marks {
             defs.push("MARK_RESAMPLED");
             bindings = bindings.write(5, marks, WORD_FORMAT);
@@ -535,8 +546,9 @@ impl<'a> Planner<'a> {
     fn remember(&mut self, remembered: &'a TextureView) -> PreparedPass {
         let bindings = Bindings::new(Pass::Remember.label(), ShaderStages::COMPUTE)
             .uniform(0, &self.targets.view)
-            .uint(1, &self.targets.supports)
-            .write(2, remembered, REMEMBERED_FORMAT);
+            .read(1, self.targets.supports_of(0))
+            .read(2, self.targets.supports_of(1))
+            .write(3, remembered, REMEMBERED_FORMAT);
         let defs = self.defs(None, &[]);
         self.compute(Pass::Remember, defs, &bindings)
     }
@@ -576,7 +588,12 @@ impl<'a> Planner<'a> {
                 .uniform(0, &targets.view)
                 .uint(1, workspace)
                 .write(2, other, WORD_FORMAT);
-            let defs = self.defs(Some(signal), &[]);
+            let narrow: &[&str] = if is_narrow(self.settings) {
+                &["NARROW"]
+            } else {
+                &[]
+            };
+            let defs = self.defs(Some(signal), narrow);
             passes.push(self.compute(Pass::Noise, defs, &bindings));
         }
         if targets.shape.guide {
@@ -592,7 +609,7 @@ impl<'a> Planner<'a> {
         if targets.estimates[signal.index].len() == 2 {
             intermediates.push(other);
         }
-        intermediates.extend(&targets.scratch);
+        intermediates.extend(targets.scratch_of(signal.index, self.state.current));
         let last = targets.shape.stages - 1;
         let mut source = estimate;
         for (index, stage) in (0..).zip(&targets.stages) {
@@ -664,7 +681,7 @@ impl<'a> Planner<'a> {
             .uniform(0, &targets.view)
             .uniform(1, &targets.stages[0])
             .uint(2, estimate)
-            .uint(3, &targets.supports)
+            .read(3, targets.supports_of(signal.index))
             .uint(4, targets.remembered.as_ref().unwrap_or(estimate));
         if let Some(marks) = &targets.marks {
             defs.push("MARK_RESAMPLED");

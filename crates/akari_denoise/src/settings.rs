@@ -44,7 +44,8 @@ pub enum Kernel {
     Full,
     /// First along rows, then along columns: 2 (2 r + 1) of them. Not exact, since the weights do not separate.
     Separable,
-    /// 5 × 5 in each of several passes, ever further apart (Dammertz et al. 2010): 25 a level.
+    /// 5 × 5 in each of several passes, ever further apart (Dammertz et al. 2010): 25 a level; with a radius of 1, 3 × 3:
+    /// 9 a level.
     #[default]
     ATrous,
 }
@@ -63,8 +64,8 @@ pub struct Denoise {
     pub method: Method,
     /// Which neighbours are visited.
     pub kernel: Kernel,
-    /// Radius of the full and the separable kernel, pixels. 0 to 16; 0 filters nothing, so that only history and
-    /// upsampling work.
+    /// Radius of the full and the separable kernel, pixels, and of a level of the à-trous kernel, taps; that has at most
+    /// 2. 0 to 16; 0 filters nothing, so that only history and upsampling work.
     pub radius: u32,
     /// Levels of the à-trous kernel: its radius is 2^(levels + 1) - 2 pixels. 3 to 6.
     pub levels: u32,
@@ -78,8 +79,9 @@ pub struct Denoise {
     pub anisotropic: bool,
     /// Frames of history that an estimate is made of; 1 keeps none, and then no pass and no memory. 1 to 64.
     pub history: u32,
-    /// Confidence, as a share of a fully supported pixel, below which a pixel of an upsampled signal is listed to be
-    /// shaded again; 0 lists none. 0 to 1. Only where the producer can.
+    /// Confidence below which a pixel of an upsampled signal is listed to be shaded again: the overlap of the neighbours'
+    /// lobes with its own, halved where their samples deviate by a twentieth of (2 + their mean) and no history tells
+    /// which is right. 0 lists none. 0 to 1. At most a twelfth of the pixels, and only where the producer can.
     pub resample_below: f32,
 }
 
@@ -112,15 +114,15 @@ impl Knobs for Denoise {
             max: 2.0,
             integer: true,
             presets: [2.0, 2.0, 2.0, 0.0],
-            cost: "(2 r + 1)² taps; 2 (2 r + 1) taps; 25 taps a level",
+            cost: "(2 r + 1)² taps; 2 (2 r + 1) taps; 25 taps a level, 9 with a radius of 1",
         },
         Knob {
             name: "radius",
-            what: "radius of the full and the separable kernel, pixels; 0: no filter",
+            what: "radius of the full and the separable kernel, pixels; of an à-trous level, taps (at most 2); 0: no filter",
             min: 0.0,
             max: 16.0,
             integer: true,
-            presets: [6.0, 6.0, 6.0, 6.0],
+            presets: [1.0, 6.0, 6.0, 6.0],
             cost: "see kernel",
         },
         Knob {
@@ -130,7 +132,7 @@ impl Knobs for Denoise {
             max: 6.0,
             integer: true,
             presets: [3.0, 3.0, 3.0, 3.0],
-            cost: "25 taps and one pass a level",
+            cost: "25 taps (9 with a radius of 1) and one pass a level",
         },
         Knob {
             name: "beta",

@@ -16,7 +16,9 @@ pub const WORD_FORMAT: TextureFormat = TextureFormat::R32Uint;
 /// Format of what the next frame compares with.
 pub const REMEMBERED_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
 /// Share of the pixels that the list of pixels to be shaded again holds: one of so many.
-const LISTED_PIXELS: u32 = 8;
+const LISTED_PIXELS: u32 = 12;
+/// Pixels of a row that share a word of the supports.
+pub const PIXELS_PER_WORD: u32 = 4;
 /// Words before the pixels of the list: their number, the capacity, two of padding.
 pub const LIST_HEADER: u32 = 4;
 
@@ -46,8 +48,8 @@ pub struct DenoiseTargets {
     pub shape: Shape,
     /// Estimates of the specular and of the diffuse signal: this frame's and the previous one's, or one only.
     pub estimates: [Vec<TextureView>; 2],
-    /// Frames of history of both signals.
-    pub supports: TextureView,
+    /// Frames that the estimates of the specular and of the diffuse signal rest on, a byte a pixel.
+    pub supports: [Option<Buffer>; 2],
     /// What the next frame compares with; between the frame's accumulation and its end, room for the guide.
     pub remembered: Option<TextureView>,
     /// Intermediate results of the filter.
@@ -111,16 +113,18 @@ impl DenoiseTargets {
                 .map(|_| texture("akari_denoise_estimates", WORD_FORMAT))
                 .collect()
         });
-        held[1] = 4 * pixels;
-        let supports = texture("akari_denoise_supports", WORD_FORMAT);
         let remembered = (shape.history || shape.guide).then(|| {
             held[2] = 8 * pixels;
             texture("akari_denoise_remembered", REMEMBERED_FORMAT)
         });
-        // Two are enough to go to and fro; the second estimate, if there is one, is the first of them.
-        let intermediates = (shape.stages - 1)
-            .min(2)
-            .saturating_sub(u32::from(slots == 2));
+        // Two are enough to go to and fro. The second estimate, if there is one, is the first of them, and that of the
+        // other signal, which is not filtered at the same time, the second.
+        let spare = if slots == 2 {
+            shape.signals.count_ones()
+        } else {
+            0
+        };
+        let intermediates = (shape.stages - 1).min(2).saturating_sub(spare);
         let scratch: Vec<TextureView> = (0..intermediates)
             .map(|_| {
                 held[3] += 4 * pixels;
@@ -135,6 +139,14 @@ impl DenoiseTargets {
                 mapped_at_creation: false,
             })
         };
+        let supports = [SPECULAR_BIT, DIFFUSE_BIT].map(|bit| {
+            (shape.signals & bit != 0).then(|| {
+                let words = shape.size.x.div_ceil(PIXELS_PER_WORD) * shape.size.y;
+                let size = 4 * u64::from(words.max(1));
+                held[1] += size;
+                buffer("akari_denoise_supports", size, BufferUsages::STORAGE)
+            })
+        });
         let list = shape.list.then(|| {
             let capacity = (shape.size.x * shape.size.y / LISTED_PIXELS).max(1);
             let list = ListBuffers {
@@ -150,7 +162,7 @@ impl DenoiseTargets {
                 ),
                 radiance: buffer(
                     "akari_denoise_list_radiance",
-                    16 * u64::from(capacity),
+                    8 * u64::from(capacity),
                     BufferUsages::STORAGE | BufferUsages::COPY_DST,
                 ),
                 capacity,
@@ -184,5 +196,29 @@ impl DenoiseTargets {
                 .map(|_| uniform(stage_bytes))
                 .collect(),
         }
+    }
+
+    /// Supports of a signal, 0 specular, 1 diffuse; those of the other one if it has none.
+    ///
+    /// # Panics
+    /// Never: there is a signal, or there are no targets.
+    pub fn supports_of(&self, index: usize) -> &Buffer {
+        let [specular, diffuse] = &self.supports;
+        let (own, other) = if index == 0 {
+            (specular, diffuse)
+        } else {
+            (diffuse, specular)
+        };
+        own.as_ref()
+            .or(other.as_ref())
+            .expect("targets are made for at least one signal")
+    }
+
+    /// Where a signal's filter may put intermediate results, beside that signal's own second estimate; `current` is the
+    /// estimate of this frame.
+    pub fn scratch_of(&self, index: usize, current: usize) -> impl Iterator<Item = &TextureView> {
+        let other = &self.estimates[1 - index];
+        let spare = (other.len() == 2).then(|| &other[1 - current]);
+        self.scratch.iter().chain(spare)
     }
 }

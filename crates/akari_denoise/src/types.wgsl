@@ -35,34 +35,27 @@ struct DenoiseStage {
     cursor: vec2<f32>,
 }
 
-// How many frames an estimate rests on: a half of a word each, the low one for the specular signal, the high one for
-// the diffuse signal, in 256ths of a frame.
-const HISTORY_STEPS: f32 = 256.0;
-const MOST_FRAMES: f32 = 255.0;
+// How many frames' worth of samples an estimate rests on, in 8 bits: quarters, up to 63.75. Four pixels of a row share a
+// word of a signal's buffer, the leftmost in the lowest byte.
+const FRAME_STEPS: f32 = 4.0;
+const PIXELS_PER_WORD: u32 = 4u;
 
+fn frames_pack(frames: f32) -> u32 {
+    return u32(clamp(frames * FRAME_STEPS + 0.5, 0.0, 255.0));
+}
+
+// The lowest byte of a word.
 fn frames_unpack(word: u32) -> f32 {
-#ifdef DIFFUSE_SIGNAL
-    return f32(word >> 16u) / HISTORY_STEPS;
-#else
-    return f32(word & 0xffffu) / HISTORY_STEPS;
-#endif
+    return f32(word & 0xffu) / FRAME_STEPS;
 }
 
-// `word` with the half of this pass's signal replaced.
-fn frames_store(word: u32, frames: f32) -> u32 {
-    let bits = u32(clamp(frames, 0.0, MOST_FRAMES) * HISTORY_STEPS + 0.5);
-#ifdef DIFFUSE_SIGNAL
-    return (word & 0xffffu) | (bits << 16u);
-#else
-    return (word & 0xffff0000u) | bits;
-#endif
+// Which word of the buffer a pixel's byte is in, and from which bit on.
+fn frames_word(pixel: vec2<u32>, size: vec2<u32>) -> u32 {
+    return pixel.y * ((size.x + PIXELS_PER_WORD - 1u) / PIXELS_PER_WORD) + pixel.x / PIXELS_PER_WORD;
 }
 
-// The same in 8 bits: quarters of a frame, up to 63.75.
-const REMEMBERED_STEPS: f32 = 4.0;
-
-fn remembered_frames(frames: f32) -> u32 {
-    return u32(clamp(frames * REMEMBERED_STEPS + 0.5, 0.0, 255.0));
+fn frames_bit(pixel: vec2<u32>) -> u32 {
+    return 8u * (pixel.x % PIXELS_PER_WORD);
 }
 
 // What the next frame compares a pixel with: 64 bits.
@@ -79,11 +72,11 @@ struct Remembered {
 const NORMAL_STEPS: f32 = 4095.0;
 const ROUGHNESS_STEPS: f32 = 255.0;
 
-// Low word: depth as f16, frames of the specular and of the diffuse signal. High word: normal in 24 bits, roughness in 8.
-fn remembered_pack(depth: f32, frames: vec2<f32>, normal_ws: vec3<f32>, perceptual_roughness: f32) -> vec2<u32> {
+// Low word: depth as f16, packed frames of the specular and of the diffuse signal. High word: normal in 24 bits, roughness in 8.
+fn remembered_pack(depth: f32, frames: vec2<u32>, normal_ws: vec3<f32>, perceptual_roughness: f32) -> vec2<u32> {
     let square = vec2<u32>((octahedral_encode(normal_ws) * 0.5 + 0.5) * NORMAL_STEPS + 0.5);
     return vec2(
-        half_pack(depth) | (remembered_frames(frames.x) << 16u) | (remembered_frames(frames.y) << 24u),
+        half_pack(depth) | (frames.x << 16u) | (frames.y << 24u),
         square.x | (square.y << 12u) | (u32(saturate(perceptual_roughness) * ROUGHNESS_STEPS + 0.5) << 24u),
     );
 }
@@ -97,7 +90,7 @@ fn remembered_unpack(words: vec2<u32>) -> Remembered {
 #endif
     return Remembered(
         half_unpack(words.x & 0xffffu),
-        f32(frames) / REMEMBERED_STEPS,
+        frames_unpack(frames),
         octahedral_decode(square),
         f32(words.y >> 24u) / ROUGHNESS_STEPS,
     );

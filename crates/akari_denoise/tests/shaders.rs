@@ -25,6 +25,7 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("signal.wgsl", include_str!("../src/signal.wgsl")),
     ("likeness.wgsl", include_str!("../src/likeness.wgsl")),
     ("weights.wgsl", include_str!("../src/weights.wgsl")),
+    ("upsample.wgsl", include_str!("../src/upsample.wgsl")),
 ];
 
 /// Modules of other crates that they import.
@@ -130,7 +131,8 @@ fn residual() -> Entry {
 
 fn noise() -> Entry {
     let source = include_str!("../src/noise.wgsl");
-    entry("noise.wgsl", source, "noise_variance", &[SIGNAL])
+    let pool: Sets = &[&[], &["NARROW"]];
+    entry("noise.wgsl", source, "noise_variance", &[SIGNAL, pool])
 }
 
 fn guide() -> Entry {
@@ -275,8 +277,10 @@ fn wrong_shaders_are_noticed() {
             .is_ok()
     };
     assert!(outcome(accumulate.source, &history));
-    let wrong = changed("Gathered(best, 0.0, own)", "Gathered(best, 0u, own)");
-    assert!(outcome(&wrong, &["HISTORY"]));
+    let wrong = changed(
+        "frames = max(gathered.own, LEAST",
+        "frames = max(gathered.owned, LEAST",
+    );
     assert!(!outcome(&wrong, &["UPSAMPLE"]));
     let wrong = changed(
         "let motion = textureLoad(motion_vectors, pixel, 0).xy;",
@@ -402,8 +406,14 @@ fn lists_agree() {
 /// A workgroup of the noise pass loads all that its pixels pool.
 #[test]
 fn tiles_hold_what_is_pooled() {
+    for names in [&[] as &[&str], &["NARROW"]] {
+        assert_tile(names);
+    }
+}
+
+fn assert_tile(names: &[&str]) {
     let mut composer = composer();
-    let module = composed(&mut composer, &noise(), &[]);
+    let module = composed(&mut composer, &noise(), names);
     let constants: std::collections::BTreeMap<_, _> = module
         .constants
         .iter()
@@ -442,9 +452,10 @@ fn tiles_hold_what_is_pooled() {
 #[test]
 fn the_first_bit_is_the_specular_signal() {
     assert!(
-        include_str!("../src/accumulate.wgsl")
-            .contains(&format!("(denoise.signals & {SPECULAR_BIT}u) != 0u")),
-        "the diffuse pass asks whether there was a specular one"
+        include_str!("../src/remember.wgsl").contains(&format!(
+            "vec2((denoise.signals & {SPECULAR_BIT}u) != 0u, (denoise.signals & {DIFFUSE_BIT}u) != 0u)"
+        )),
+        "what is remembered asks which signals there are"
     );
     assert_eq!(SPECULAR_BIT & DIFFUSE_BIT, 0);
 }

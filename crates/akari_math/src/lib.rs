@@ -35,6 +35,7 @@ pub mod ggx;
 pub mod light_image;
 pub mod lobe_packing;
 pub mod lobe_weight;
+pub mod local_regression;
 pub mod ltc;
 pub mod ndf_filter;
 pub mod noise_estimate;
@@ -62,6 +63,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
     ("akari_math::lobe_weight", include_str!("lobe_weight.wgsl")),
+    (
+        "akari_math::local_regression",
+        include_str!("local_regression.wgsl"),
+    ),
     ("akari_math::ndf_filter", include_str!("ndf_filter.wgsl")),
     (
         "akari_math::noise_estimate",

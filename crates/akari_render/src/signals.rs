@@ -73,8 +73,9 @@ pub struct ViewSignals {
 ///
 /// `pixels` holds a header of four words, the number of pixels first, then one word a pixel, `y << 16 | x`.
 /// `indirect` holds the arguments of a dispatch of one invocation a pixel in workgroups of
-/// [`RESAMPLE_WORKGROUP`]. The producer writes the radiance of entry `k` to element `k` of `radiance` (`vec4<f32>`),
-/// with 1 in w; all elements are 0 before, and those whose w is not 1 are ignored.
+/// [`RESAMPLE_WORKGROUP`]. The producer writes the radiance of entry `k`, held to `[0, 65504]`, to element `k` of
+/// `radiance`: four halves, `vec2(pack2x16float(rgb.xy), pack2x16float(vec2(rgb.z, 1.0)))`. All elements are 0 before,
+/// and those whose last half is not 1 are ignored.
 #[derive(Component, Debug, Clone)]
 pub struct ResampleList {
     /// Header and pixels.

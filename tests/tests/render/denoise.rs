@@ -4,6 +4,7 @@ use bevy::prelude::*;
 use bevy_akari::buffers::{BufferDenoiser, SignalFrame};
 use bevy_akari::headless::Headless;
 use bevy_akari::prelude::*;
+use bevy_akari::render::quality::Knobs;
 use bevy_akari_tests::denoise::*;
 use bevy_akari_tests::{headless_or_skip, picture, spawn_camera, spawn_floor_and_ball};
 
@@ -30,14 +31,21 @@ fn the_guided_method_cleans_and_never_harms() {
         for spp in [1, 4, 16] {
             let input = lab.input(spp, u64::from(spp));
             let before = lab.mse(&input, &truth, |_| true);
-            for kernel in Kernel::ALL {
+            let low = Denoise::preset(Quality::Low);
+            for (kernel, radius) in [
+                (Kernel::Full, one_frame().radius),
+                (Kernel::Separable, one_frame().radius),
+                (Kernel::ATrous, one_frame().radius),
+                (low.kernel, low.radius),
+            ] {
                 denoiser.set_settings(Denoise {
                     kernel,
+                    radius,
                     ..one_frame()
                 });
                 let output = filter(&mut denoiser, &input);
                 let ratio = lab.mse(&output, &truth, |_| true) / before;
-                println!("{name} {spp} spp {kernel:?}: {ratio:.4} of the input's error");
+                println!("{name} {spp} spp {kernel:?} {radius}: {ratio:.4} of the input's error");
                 // At this size a patch of the roughness map has ten pixels and each pixel of the box few like it: the
                 // figures at 256 pixels, far better ones, are the bench's.
                 let limit = if spp == 1 { 0.5 } else { 0.8 };
@@ -164,7 +172,8 @@ fn a_static_scene_comes_to_rest() {
 
 #[test]
 fn history_helps_and_a_cut_forgets_it() {
-    let lab = Lab::new("cornell", SIDE, 4);
+    // Twice the other tests' side: the rest of the error is the filter's, which has few pixels alike in a small picture.
+    let lab = Lab::new("cornell", 2 * SIDE, 4);
     let truth = lab.reference(REFERENCE);
     let settings = Denoise {
         history: 16,
@@ -187,6 +196,7 @@ fn history_helps_and_a_cut_forgets_it() {
     }
     println!("1 frame: {first:.4}, 16 frames: {last:.4} of one frame's error");
     assert!(last < 0.6 * first, "{first} became {last}");
+    assert!(last < 0.01, "{last} of one frame's error");
     // After a cut there is what one frame gives, exactly: the same input, no history.
     let cut = show(&mut denoiser, 3, true);
     let mut fresh = lab
@@ -252,9 +262,9 @@ fn a_moving_object_leaves_no_ghost_in_the_reflection() {
     }
     println!("{ghosts} ghosts of {changed} pixels whose reflection changed");
     assert!(changed > 50, "the mover's reflection moved: {changed}");
-    // Asked for is none; what is left is a rim of one or two pixels, where a neighbourhood is half old, half new.
+    // Asked for is none; what is left lies where the light changes its sign of change within two pixels, and by little.
     assert!(
-        f64::from(ghosts) <= 0.08 * f64::from(changed),
+        f64::from(ghosts) <= 0.03 * f64::from(changed),
         "{ghosts} of {changed}"
     );
 }
@@ -277,6 +287,9 @@ fn upsampled(
 
 /// Pixels of a side where it matters that a signal resolves the scene.
 const FINE_SIDE: u32 = 160;
+/// The same for the ripples of the normal-mapped scene: at a quarter of a lower resolution they are finer than the
+/// samples, which no weight can bring back (at 160 pixels, lobes are 1.6 and 0.8 dB better than normals).
+const RIPPLES_SIDE: u32 = 256;
 
 /// No filter, so that only the spread of the samples shows.
 fn spread_only(method: Method) -> Denoise {
@@ -294,9 +307,9 @@ fn spread_only(method: Method) -> Denoise {
 
 #[test]
 fn upsampling_follows_lobes_and_gathers_detail_over_frames() {
-    let lab = Lab::new("normal_mapped", FINE_SIDE, 3);
-    // The same picture is signal and truth.
-    let clean = lab.reference(16);
+    let lab = Lab::new("normal_mapped", RIPPLES_SIDE, 3);
+    // The same picture is signal and truth: noise that no neighbour can tell would hide what the weights do.
+    let clean = lab.reference(64);
     let error = |method, scale, frames| {
         upsampled(&lab, &clean, spread_only(method), scale, frames)
             .map(|output| psnr(lab.mse(&output, &clean, |_| true)))
@@ -312,13 +325,10 @@ fn upsampling_follows_lobes_and_gathers_detail_over_frames() {
         println!(
             "{scale:?}: normal {by_normal:.2} dB, lobe {by_lobe:.2} dB, lobe over 16 frames {over_time:.2} dB"
         );
-        // At a quarter the ripples of this picture's size are finer than the samples: no weight can bring them back.
-        if scale == SignalScale::Half {
-            assert!(
-                by_lobe > by_normal - 0.5,
-                "{by_lobe} against {by_normal} dB"
-            );
-        }
+        assert!(
+            by_lobe >= by_normal + 1.0,
+            "{scale:?}: {by_lobe} against {by_normal} dB"
+        );
         assert!(over_time > by_lobe + 3.0, "{scale:?}: frames add nothing");
     }
 }
@@ -381,7 +391,8 @@ fn pixels_without_support_are_shaded_again() {
         let listed = counters.get("pixels shaded again").copied().unwrap_or(0);
         Some((errors, listed))
     };
-    let (Some((without, none)), Some((with, listed))) = (run(0.0), run(0.9)) else {
+    let high = Denoise::preset(Quality::High);
+    let (Some((without, none)), Some((with, listed))) = (run(0.0), run(high.resample_below)) else {
         return;
     };
     let p99 = |errors: &[f64]| errors[errors.len() * 99 / 100].sqrt();
@@ -394,10 +405,8 @@ fn pixels_without_support_are_shaded_again() {
     );
     assert_eq!(none, 0, "nothing is listed unless asked for");
     assert!(share > 0.0 && share <= 0.1, "{share} of the pixels");
-    // Asked for is half. What is left lies where nothing has moved: edges of reflections that the samples of so few
-    // frames have not resolved, and that no lack of support tells.
     assert!(
-        p99(&with) <= 0.95 * p99(&without),
+        p99(&with) <= 0.5 * p99(&without),
         "{} to {}",
         p99(&without),
         p99(&with)
@@ -416,6 +425,97 @@ fn move_the_mover(lab: &mut Lab) -> f64 {
     mover.world_from_local.translation.x += STEP;
     lab.update_surfaces();
     STEP
+}
+
+/// An image of one colour, as a signal.
+fn even_signal(headless: &mut Headless, value: f32) -> Handle<Image> {
+    let mut image = Image::new_fill(
+        bevy::render::render_resource::Extent3d {
+            width: SIDE,
+            height: SIDE,
+            depth_or_array_layers: 1,
+        },
+        bevy::render::render_resource::TextureDimension::D2,
+        &value.to_le_bytes().repeat(4),
+        bevy::render::render_resource::TextureFormat::Rgba32Float,
+        bevy::asset::RenderAssetUsages::RENDER_WORLD,
+    );
+    image.texture_descriptor.usage |= bevy::render::render_resource::TextureUsages::TEXTURE_BINDING;
+    headless
+        .app
+        .world_mut()
+        .resource_mut::<Assets<Image>>()
+        .add(image)
+}
+
+#[test]
+fn two_signals_share_their_memory_and_not_their_light() {
+    let Some(mut headless) = headless_or_skip("two_signals") else {
+        return;
+    };
+    spawn_floor_and_ball(&mut headless, StandardMaterial::default());
+    let camera = spawn_camera(&mut headless, SIDE, Vec3::new(0.0, 2.0, 4.0));
+    headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(AkariCamera);
+    let without = picture(&mut headless, camera);
+    let (specular, diffuse) = (
+        even_signal(&mut headless, 1.0),
+        even_signal(&mut headless, 0.5),
+    );
+    let centre = (SIDE / 2 * SIDE + SIDE / 2) as usize;
+    let mut show = |specular: Option<&Handle<Image>>, diffuse: Option<&Handle<Image>>, kernel| {
+        headless.app.world_mut().entity_mut(camera).insert((
+            DenoiseInput {
+                specular: specular.cloned(),
+                diffuse: diffuse.cloned(),
+                ..Default::default()
+            },
+            Denoise {
+                kernel,
+                ..Denoise::default()
+            },
+        ));
+        let with = picture(&mut headless, camera);
+        // With a history of some frames.
+        for _ in 0..3 {
+            headless.step().expect("it renders");
+        }
+        let later = picture(&mut headless, camera);
+        let bytes = headless.ledger().bytes_by_effect()["denoise"];
+        let added = |shown: &bevy_akari::headless::ReadImage| {
+            shown.data[centre][0] - without.data[centre][0]
+        };
+        (added(&with), added(&later), bytes)
+    };
+    for kernel in Kernel::ALL {
+        for (has_specular, has_diffuse, expected) in
+            [(true, false, 1.0), (false, true, 0.5), (true, true, 1.5)]
+        {
+            let (first, later, bytes) = show(
+                has_specular.then_some(&specular),
+                has_diffuse.then_some(&diffuse),
+                kernel,
+            );
+            let per_pixel = bytes as f64 / f64::from(SIDE * SIDE);
+            println!("{kernel:?} {has_specular} {has_diffuse}: {per_pixel} bytes a pixel");
+            for added in [first, later] {
+                assert!((added - expected).abs() < 0.03, "{added}, not {expected}");
+            }
+            // 27.1 bytes a pixel are 100 MB at 2560 x 1440.
+            let most = match (expected == 1.5, kernel) {
+                (true, _) => 26.0,
+                (false, Kernel::ATrous) => 21.0,
+                (false, _) => 17.0,
+            };
+            assert!(
+                per_pixel > 8.0 && per_pixel <= most,
+                "{per_pixel} bytes a pixel"
+            );
+        }
+    }
 }
 
 #[test]
@@ -444,23 +544,7 @@ fn signals_come_and_go_with_their_passes_and_memory() {
         "no signal: no memory"
     );
 
-    let mut image = Image::new_fill(
-        bevy::render::render_resource::Extent3d {
-            width: SIDE,
-            height: SIDE,
-            depth_or_array_layers: 1,
-        },
-        bevy::render::render_resource::TextureDimension::D2,
-        &1.0f32.to_le_bytes().repeat(4),
-        bevy::render::render_resource::TextureFormat::Rgba32Float,
-        bevy::asset::RenderAssetUsages::RENDER_WORLD,
-    );
-    image.texture_descriptor.usage |= bevy::render::render_resource::TextureUsages::TEXTURE_BINDING;
-    let signal = headless
-        .app
-        .world_mut()
-        .resource_mut::<Assets<Image>>()
-        .add(image);
+    let signal = even_signal(&mut headless, 1.0);
     headless
         .app
         .world_mut()

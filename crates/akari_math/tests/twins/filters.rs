@@ -1,6 +1,7 @@
-//! Rows of `ndf_filter`, `reprojection` and `directional_albedo`.
+//! Rows of `ndf_filter`, `local_regression`, `reprojection` and `directional_albedo`.
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, dvec3, push3, rows, ulp, vec3};
+use akari_math::local_regression::local_linear_slope;
 use akari_math::ndf_filter::{
     NormalCone, NormalMoments, filtered_alpha, geometric_roughness_variance,
     normal_cone_inverse_sharpness,
@@ -13,6 +14,7 @@ use akari_math::{directional_albedo, oracle};
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 
 const NDF: &str = "akari_math::ndf_filter";
+const REGRESSION: &str = "akari_math::local_regression";
 const REPROJECTION: &str = "akari_math::reprojection";
 const ALBEDO: &str = "akari_math::directional_albedo";
 
@@ -90,6 +92,74 @@ fn ndf_case() -> Case {
                 NDF,
                 "MIN_RESULTANT: f32 = 1e-3",
                 "MIN_RESULTANT: f32 = 2e-3",
+            ),
+        ],
+    }
+}
+
+fn regression_case() -> Case {
+    Case {
+        module: REGRESSION,
+        functions: &["local_linear_slope"],
+        imports: "",
+        // By the spread along each axis, as the weights of samples are: finite where the spread is tiny.
+        body: "let slope = local_linear_slope(vec2(x(0u), x(1u)), vec3(x(2u), x(3u), x(4u)));
+            y(0u, slope.x * sqrt(max(x(2u), 0.0)));
+            y(1u, slope.y * sqrt(max(x(4u), 0.0)));",
+        inputs: 5,
+        outputs: 2,
+        twin: |x, y| {
+            let slope = local_linear_slope(Vec2::new(x[0], x[1]), Vec3::new(x[2], x[3], x[4]));
+            y.push(slope.x * x[2].max(0.0).sqrt());
+            y.push(slope.y * x[4].max(0.0).sqrt());
+        },
+        oracle: Some(|x, y| {
+            let mean = DVec2::new(x[0], x[1]);
+            let (xx, yy) = (x[2].max(0.0), x[4].max(0.0));
+            let most = (xx * yy).sqrt();
+            let ridge = 0.15 * (xx + yy) + 0.1 * mean.length_squared();
+            let matrix = glam::DMat2::from_cols(
+                DVec2::new(xx + ridge, x[3].clamp(-most, most)),
+                DVec2::new(x[3].clamp(-most, most), yy + ridge),
+            );
+            let slope = if xx + yy < f64::from(1e-12_f32) {
+                DVec2::ZERO
+            } else {
+                matrix.inverse() * mean
+            };
+            y.extend([slope.x * xx.sqrt(), slope.y * yy.sqrt()]);
+        }),
+        domains: vec![
+            domain(
+                "samples",
+                rows(281, 2000, |random, row| {
+                    let (sx, sy) = (random.range(1e-3, 1.0), random.range(1e-3, 1.0));
+                    let correlation = random.range(-1.0, 1.0);
+                    row.extend([random.range(-1.0, 1.0), random.range(-1.0, 1.0)]);
+                    row.extend([sx * sx, correlation * sx * sy, sy * sy]);
+                }),
+                absolute(5e-6),
+                absolute(5e-6),
+            ),
+            domain(
+                "far, narrow, in one place",
+                rows(282, 2000, |random, row| {
+                    let far = random.log_range(-6.0, 4.0);
+                    let (sx, sy) = (random.log_range(-8.0, 4.0), random.log_range(-8.0, 4.0));
+                    let angle = random.range(0.0, std::f32::consts::TAU);
+                    row.extend([far * angle.cos(), far * angle.sin()]);
+                    row.extend([sx * sx, random.range(-1.1, 1.1) * sx * sy, sy * sy]);
+                }),
+                absolute(2e-5),
+                absolute(2e-5),
+            ),
+        ],
+        mutations: vec![
+            mutation(REGRESSION, "RIDGE: f32 = 0.3", "RIDGE: f32 = 0.301"),
+            mutation(
+                REGRESSION,
+                "c * mean.x - b * mean.y",
+                "c * mean.x + b * mean.y",
             ),
         ],
     }
@@ -248,7 +318,7 @@ fn albedo_case() -> Case {
 }
 
 pub fn cases() -> Vec<Case> {
-    let mut cases = vec![ndf_case(), albedo_case()];
+    let mut cases = vec![ndf_case(), albedo_case(), regression_case()];
     cases.extend(reprojection_cases());
     cases
 }

@@ -4,7 +4,8 @@
 use akari_area_light::shadows::debug::AreaShadowDebugView;
 use akari_area_light::shadows::moving::{GpuMovingCaster, GpuMovingCasters, MOST_CASTERS};
 use akari_area_light::shadows::types::{
-    GpuReceiver, GpuShadowDebug, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_TWO_SIDED,
+    GpuReceiver, GpuShadowDebug, GpuShadowParams, GpuSlot, RATIO_WORKGROUP, RECEIVER_MIRRORED,
+    RECEIVER_TWO_SIDED,
 };
 use akari_area_light::types::{
     COUNTER_NAMES, CULL_WORKGROUP, FLAG_TWO_SIDED, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD,
@@ -219,6 +220,7 @@ fn constants_agree() {
     for (name, value) in [
         ("RATIO_WORKGROUP", RATIO_WORKGROUP),
         ("RECEIVER_TWO_SIDED", RECEIVER_TWO_SIDED),
+        ("RECEIVER_MIRRORED", RECEIVER_MIRRORED),
         ("MOST_CASTERS", MOST_CASTERS as u32),
     ] {
         assert_eq!(shadow_constants.remove(name), Some(value), "{name}");

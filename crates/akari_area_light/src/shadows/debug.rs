@@ -2,6 +2,7 @@
 //!
 //! Nothing of this exists (no pass, no pipeline) unless a camera has [`AreaShadowDebug`].
 
+use super::extract::ExtractedReceivers;
 use super::pipeline::shade_shadow_layout;
 use super::prepare::ViewReceivers;
 use super::types::GpuShadowDebug;
@@ -86,7 +87,7 @@ pub struct ShadowDebugPipelines {
     layout: BindGroupLayoutDescriptor,
     shader: Handle<Shader>,
     vertex: VertexState,
-    pipelines: HashMap<(TextureFormat, AreaShadowDebugView), CachedRenderPipelineId>,
+    pipelines: HashMap<(TextureFormat, AreaShadowDebugView, bool), CachedRenderPipelineId>,
 }
 
 /// The pass of one view in this frame.
@@ -166,6 +167,7 @@ impl ShadowDebugPipelines {
         cache: &PipelineCache,
         format: TextureFormat,
         view: AreaShadowDebugView,
+        moving_casters: bool,
     ) -> CachedRenderPipelineId {
         let Self {
             layout,
@@ -173,10 +175,11 @@ impl ShadowDebugPipelines {
             vertex,
             pipelines,
         } = self;
-        *pipelines.entry((format, view)).or_insert_with(|| {
+        let key = (format, view, moving_casters);
+        *pipelines.entry(key).or_insert_with(|| {
             cache.queue_render_pipeline(RenderPipelineDescriptor {
                 label: Some(DEBUG_LABEL.into()),
-                layout: vec![layout.clone(), shade_shadow_layout()],
+                layout: vec![layout.clone(), shade_shadow_layout(moving_casters)],
                 vertex: vertex.clone(),
                 fragment: Some(FragmentState {
                     shader: shader.clone(),
@@ -214,6 +217,7 @@ fn prepare_debug_views(
     )>,
     wanted: Query<(), With<ViewShadowDebug>>,
     lights: Option<Res<AreaLightBuffers>>,
+    extracted: Res<ExtractedReceivers>,
     mut pipelines: Option<ResMut<ShadowDebugPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     fullscreen: Res<FullscreenShader>,
@@ -273,7 +277,12 @@ fn prepare_debug_views(
                 gbuffer,
             )),
         );
-        let pipeline = pipelines.pipeline(&cache, view.target_format, debug.0.view);
+        let pipeline = pipelines.pipeline(
+            &cache,
+            view.target_format,
+            debug.0.view,
+            extracted.casters.count > 0,
+        );
         commands
             .entity(entity)
             .insert(ViewShadowDebugPass { pipeline, group });

@@ -7,7 +7,7 @@
 
 #import bevy_render::view::View
 #import akari_render::gbuffer::position_relative
-#import akari_area_light::shadow_types::Receiver
+#import akari_area_light::shadow_types::{RECEIVER_MIRRORED, RECEIVER_TWO_SIDED, Receiver}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var depth_texture: texture_depth_2d;
@@ -41,6 +41,13 @@ fn vertex(@builtin(vertex_index) index: u32) -> Vertex {
     // A triangle without area draws no pixel.
     let unit = normal / max(length, 1e-30);
     out.plane = vec4(unit, -dot(unit, a));
+    // The back of a one-sided triangle is not drawn: at an edge it would lie in the same pixel as its neighbour's front.
+    let front = select(1.0, -1.0, (receiver.flags & RECEIVER_MIRRORED) != 0u);
+    let is_back = front * out.plane.w < 0.0;
+    if is_back && (receiver.flags & RECEIVER_TWO_SIDED) == 0u && view.clip_from_view[3].w != 1.0 {
+        // All three corners at one place.
+        out.clip = vec4(2.0, 2.0, 0.5, 1.0);
+    }
     out.reach = max(max(abs(receiver.a.x), abs(receiver.a.y)), abs(receiver.a.z));
     return out;
 }

@@ -3,7 +3,7 @@
 // From a pixel to the samples of its triangle, and their shadow ratios.
 
 #import akari_visibility::grid::{ENTRY_HANGING, grid_triangle, micro_triangle}
-#import akari_area_light::shadow_types::{RECEIVER_TWO_SIDED, Receiver}
+#import akari_area_light::shadow_types::{RECEIVER_MIRRORED, RECEIVER_TWO_SIDED, Receiver}
 #ifdef MOVING_CASTERS
 #import akari_area_light::shadow_types::MovingCasters
 #endif
@@ -91,7 +91,9 @@ fn shadow_samples(world_position: vec3<f32>, pixel: vec2<i32>, position_rel: vec
     let grid = grid_triangle(receiver.grid);
     let cell = micro_triangle(grid.level, vec3(1.0 - v - w, v, w));
     // The slot of the back stands after that of the front.
-    let back = select(0u, 1u, (receiver.flags & RECEIVER_TWO_SIDED) != 0u && dot(normal, view_ws) < 0.0);
+    let front = select(1.0, -1.0, (receiver.flags & RECEIVER_MIRRORED) != 0u);
+    let sees_back = front * dot(normal, view_ws) < 0.0;
+    let back = select(0u, 1u, (receiver.flags & RECEIVER_TWO_SIDED) != 0u && sees_back);
     for (var i = 0u; i < 3u; i++) {
         let entry = entries[grid.first + cell.samples[i]];
         if (entry & ENTRY_HANGING) == 0u {

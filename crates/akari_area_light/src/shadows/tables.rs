@@ -1,6 +1,6 @@
 //! From bakes and the meshes that they are of to the arrays that shaders read.
 
-use super::types::{GpuReceiver, GpuSlot, RECEIVER_TWO_SIDED};
+use super::types::{GpuReceiver, GpuSlot, RECEIVER_MIRRORED, RECEIVER_TWO_SIDED};
 use akari_math::octahedral::octahedral_pack;
 use akari_visibility::bake::Bake;
 use akari_visibility::grid::{
@@ -140,6 +140,8 @@ impl ShadowTables {
             let mut hanging: HashMap<[u32; 3], u32> = HashMap::default();
             for mesh in meshes {
                 let instance = &bake.instances[mesh.instance];
+                // A mirror turns the winding, but not which side is the front.
+                let mirrored = mesh.world_from_mesh.matrix3.determinant() < 0.0;
                 let grids = bake
                     .grid
                     .triangles
@@ -150,7 +152,10 @@ impl ShadowTables {
                         mesh.world_from_mesh
                             .transform_point3(mesh.positions[i as usize].into())
                     });
-                    let normal = (b - a).cross(c - a).normalize_or_zero();
+                    let mut normal = (b - a).cross(c - a).normalize_or_zero();
+                    if mirrored {
+                        normal = -normal;
+                    }
                     let from = grid_triangle(word);
                     let first = tables.entries.len();
                     let count = grid_sample_count(from.level) as usize;
@@ -182,11 +187,8 @@ impl ShadowTables {
                             level: from.level,
                         }),
                         b,
-                        flags: if mesh.two_sided {
-                            RECEIVER_TWO_SIDED
-                        } else {
-                            0
-                        },
+                        flags: u32::from(mesh.two_sided) * RECEIVER_TWO_SIDED
+                            + u32::from(mirrored) * RECEIVER_MIRRORED,
                         c,
                     });
                 }

@@ -7,6 +7,9 @@ use bevy::render::render_resource::ShaderType;
 pub const RATIO_WORKGROUP: u32 = 64;
 /// Bit of [`GpuReceiver::flags`]: the triangle has two slots at each place, for its front and for its back.
 pub const RECEIVER_TWO_SIDED: u32 = 1;
+/// Bit of [`GpuReceiver::flags`]: its mesh is mirrored, so that the front is the side from which the corners run
+/// clockwise.
+pub const RECEIVER_MIRRORED: u32 = 2;
 
 /// A triangle that receives shadows.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]

@@ -4,6 +4,7 @@
 
 const RATIO_WORKGROUP: u32 = 64u;
 const RECEIVER_TWO_SIDED: u32 = 1u;
+const RECEIVER_MIRRORED: u32 = 2u;
 
 struct Receiver {
     a: vec3<f32>,

@@ -1,5 +1,6 @@
 // Puts the pixels that were shaded again in the place of their estimates.
 
+#import akari_math::lobe_packing::half_unpack
 #import akari_math::signal_packing::radiance_pack
 #import akari_denoise::signal::{demodulation, load_guide}
 #import akari_denoise::types::{DenoiseView, dither, frames_bit, frames_pack, frames_word}
@@ -22,7 +23,9 @@ fn merge(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let halves = shaded[id.x];
-    let radiance = vec4(unpack2x16float(halves.x), unpack2x16float(halves.y));
+    let radiance = vec4(
+        half_unpack(halves.x & 0xffffu), half_unpack(halves.x >> 16u), half_unpack(halves.y & 0xffffu), half_unpack(halves.y >> 16u),
+    );
     if radiance.w != 1.0 {
         return;
     }

@@ -74,7 +74,7 @@ pub struct ViewSignals {
 /// `pixels` holds a header of four words, the number of pixels first, then one word a pixel, `y << 16 | x`.
 /// `indirect` holds the arguments of a dispatch of one invocation a pixel in workgroups of
 /// [`RESAMPLE_WORKGROUP`]. The producer writes the radiance of entry `k`, held to `[0, 65504]`, to element `k` of
-/// `radiance`: four halves, `vec2(pack2x16float(rgb.xy), pack2x16float(vec2(rgb.z, 1.0)))`. All elements are 0 before,
+/// `radiance`: four halves in two words, red, green, blue and 1, each word's low half first. All elements are 0 before,
 /// and those whose last half is not 1 are ignored.
 #[derive(Component, Debug, Clone)]
 pub struct ResampleList {

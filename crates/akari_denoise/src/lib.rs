@@ -30,7 +30,7 @@
 //! nothing has to be protected. More taps are not always better: on mirrors three à-trous levels beat the full kernel.
 //! The low preset, 150 taps instead of 230, has 0.042, 0.058, 0.10; 0.049, 0.031, 0.027; 0.042, 0.077, 0.16. Sixteen
 //! frames of one sample on the Cornell box: 0.0036 of one frame's error at 128², 0.0016 at 256². Upsampled in space
-//! alone from 1/2 and 1/4, the normal-mapped scene is 1.8 and 1.3 dB nearer to the full resolution by lobes than by
+//! alone from 1/2 and 1/4, the normal-mapped scene is 1.4 and 1.2 dB nearer to the full resolution by lobes than by
 //! normals (256²; 1.6 and 0.8 dB at 160², where the ripples are finer than the samples).
 //!
 //! **Limits**: noise is estimated in space, so that of an almost clean input mirrors can lose more than they gain (1.25

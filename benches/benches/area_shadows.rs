@@ -24,9 +24,10 @@ impl Run {
         ShadowTruth::new(scene, self.side, self.spp)
     }
 
-    fn bake(&self, scene: &str, face: &str, more: &[&str]) -> String {
-        let options = [&["--face-size", face][..], more].concat();
-        bake(scene, &options).display().to_string()
+    /// One bake serves all scenes: they differ in their light alone, which a bake knows nothing of.
+    fn bake(&self, face: &str, level: &str) -> String {
+        let options = ["--face-size", face, "--max-level", level];
+        bake(SCENES[0], &options).display().to_string()
     }
 
     fn picture(&self, scene: &str, bake: Option<&str>, extra: &[&str]) -> (RgbImage, f64) {
@@ -103,7 +104,7 @@ fn shadow(run: &Run) {
             let one = ["64".to_owned()];
             let faces = if faces.is_empty() { &one[..] } else { faces };
             for face in faces {
-                let file = run.bake(scene, face, &["--max-level", level]);
+                let file = run.bake(face, level);
                 let (image, _) = run.picture(scene, Some(&file), &[]);
                 let error = |chosen: fn(Surface) -> bool| {
                     let error = shadow_error(&image, &unshadowed, &truth, chosen);
@@ -142,7 +143,7 @@ fn pictures(run: &Run) {
             side: truth.side,
         };
         for face in &run.faces {
-            let file = run.bake(scene, face, &["--max-level", "6"]);
+            let file = run.bake(face, "6");
             let (image, time) = run.picture(scene, Some(&file), &[]);
             print!("{scene:17} {face:4}");
             for strip in [None].into_iter().chain(ALPHAS.map(Some)) {
@@ -166,7 +167,7 @@ fn knobs(run: &Run) {
     );
     let scene = "shadows_28";
     let truth = run.truth(scene);
-    let file = run.bake(scene, "64", &["--max-level", "6"]);
+    let file = run.bake("64", "6");
     let settings: [(&str, &[&str]); 9] = [
         ("no shadows", &["--set", "shadows.enabled=0"]),
         ("low", &["--quality", "low"]),

@@ -158,7 +158,9 @@ impl ShadowProbe {
                     visible += traversal_visibility(&t) * irradiance(piece);
                 } else {
                     let word = traversal_word(&t) as usize;
-                    let [first, second] = [self.tables.nodes[word], self.tables.nodes[word + 1]];
+                    // A bake of leaves alone has no nodes, and the sides of a face need none.
+                    let node = |at: usize| self.tables.nodes.get(at).copied().unwrap_or(0);
+                    let [first, second] = [node(word), node(word + 1)];
                     traversal_split(&mut t, first, second);
                 }
             }

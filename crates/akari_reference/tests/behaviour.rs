@@ -174,7 +174,7 @@ fn features_of_the_first_surface() {
     assert!((f64::from(aovs.depth[centre]) + local.z).abs() < 1e-5);
     let folder = tempfile::tempdir().unwrap();
     aovs.write(folder.path()).unwrap();
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6);
 }
 
 #[test]

@@ -159,7 +159,8 @@ pub const RULES: &[Rule] = &[
     },
     Rule {
         package: "bevy_akari_examples",
-        may_use: &["bevy_akari"],
+        // An example may bake its scene, and hold it against rays.
+        may_use: &["akari_bake", "akari_reference", "bevy_akari"],
         tests_may_use: &[],
         engine: Engine::Bevy,
         only: None,

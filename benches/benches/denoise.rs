@@ -117,7 +117,7 @@ fn methods(plan: &Plan) {
         "sphere_sharp",
         "sphere_rough",
         "incident_edge",
-        "cornell_glossy",
+        "cornell",
     ] {
         let lab = plan.lab(name);
         let truth = lab.reference(plan.reference);
@@ -132,7 +132,11 @@ fn methods(plan: &Plan) {
                 ..paper()
             };
             for settings in [
-                plain(Method::Guided, false),
+                // Ours as it comes, the others as the paper has them.
+                Denoise {
+                    history: 1,
+                    ..Denoise::default()
+                },
                 plain(Method::Lobe, false),
                 plain(Method::Lobe, true),
                 plain(Method::Normal, false),
@@ -235,7 +239,7 @@ fn guided(plan: &Plan) {
     for name in [
         "roughness_map",
         "incident_edge",
-        "cornell_glossy",
+        "cornell",
         "cornell",
         "sphere_sharp",
         "sphere_rough",
@@ -292,7 +296,7 @@ fn history(plan: &Plan) {
     println!(
         "frames of history at 1 sample a pixel each: error (MSE) over that of one frame's input"
     );
-    for name in ["cornell_glossy", "roughness_map"] {
+    for name in ["cornell", "roughness_map"] {
         let lab = plan.lab(name);
         let truth = lab.reference(plan.reference);
         let settings = Denoise {

@@ -54,6 +54,8 @@
 const ON_LIGHT_PLANE: f32 = 1e-4;
 // Fresnel reflectance of a clear coat at normal incidence (glTF KHR_materials_clearcoat: index of refraction 1.5).
 const CLEARCOAT_F0: f32 = 0.04;
+// Beyond all layer coordinates.
+const FAR: f32 = 3e38;
 // Rays of a look that grazes or passes below an interpolated normal see the surface as from this cosine.
 const MIN_N_DOT_V: f32 = 1e-4;
 
@@ -116,8 +118,9 @@ fn see_light(light: AreaLight, position_rel: vec3<f32>) -> SeenLight {
     return seen;
 }
 
-// The colour that the light's image adds to an integral whose vector form factor points along `axis`.
-fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<f32>, m_inv: mat3x3<f32>, axis: vec3<f32>) -> vec3<f32> {
+// The colour that the light's image adds to an integral whose vector form factor points along `axis`, over a part of
+// the light that is `cell_size` wide in layer coordinates.
+fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<f32>, m_inv: mat3x3<f32>, axis: vec3<f32>, cell_size: f32) -> vec3<f32> {
 #ifdef TEXTURED
     if light.texture_layer != NO_TEXTURE {
         let footprint = light_image_footprint(
@@ -128,7 +131,7 @@ fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<
             light.normal_ws * frame,
             vec4(light.texture_u.xyz * frame, light.texture_u.w),
             vec4(light.texture_v.xyz * frame, light.texture_v.w),
-            light.cell_size,
+            cell_size,
         );
         let lod = light_image_lod(footprint.width, f32(textureDimensions(light_images).x));
         let count = select(1u, SPREAD_LOOKUPS, footprint.spread != 0u);
@@ -248,7 +251,7 @@ fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Lay
         }
         lambert_polygon_close(&polygon);
         let integral = max(polygon.diffuse.z * seen.side, 0.0);
-        let color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
+        let color = light_color(light, seen, frame, identity, identity, polygon.diffuse, light.cell_size);
         return seen.radiance * color * diffuse_albedo * integral;
     }
     var polygon = ltc_polygon_new();
@@ -263,8 +266,8 @@ fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Lay
     // `ltc_specular_integral`, but each part with the colour of the image where it gathers its light.
     let lobe = layer.lobe_weight * max(polygon.specular.z * seen.side, 0.0);
     let tail = dot(layer.tail, form_factor.zx);
-    let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
-    let specular_color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular);
+    let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse, light.cell_size);
+    let specular_color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular, light.cell_size);
     let specular = max(specular_color * lobe + diffuse_color * tail, vec3(0.0));
     return diffuse_specular_combine(
         seen.radiance,
@@ -287,10 +290,10 @@ struct LitPieces {
 
 // The specular integral over a closed polygon, with the colours where it gathers its light. Not bounded below: pieces
 // are added first, and those of a fan have signs.
-fn specular_color_integral(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, polygon: LtcPolygon, diffuse_color: vec3<f32>) -> vec3<f32> {
+fn specular_color_integral(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, polygon: LtcPolygon, diffuse_color: vec3<f32>, size: f32) -> vec3<f32> {
     let lobe = layer.lobe_weight * polygon.specular.z * seen.side;
     let tail = dot(layer.tail, polygon.diffuse.zx * seen.side);
-    let color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular);
+    let color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular, size);
     return color * lobe + diffuse_color * tail;
 }
 
@@ -313,6 +316,8 @@ fn shade_pieces(
     let identity = mat3x3<f32>(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
     // Pieces come along the axes of the cubes: world to shading space by way of them.
     let cube_frame = mat3x3<f32>(cube_from_world(frame[0]), cube_from_world(frame[1]), cube_from_world(frame[2]));
+    let across = cube_from_world(light.texture_u.xyz);
+    let down = cube_from_world(light.texture_v.xyz);
     for (var k = 0u; k < samples.count; k++) {
         if samples.weights[k] == 0.0 {
             continue;
@@ -336,15 +341,22 @@ fn shade_pieces(
                 let weight = samples.weights[k] * traversal_visibility(&t);
                 var polygon = ltc_polygon_new();
                 var a = (t.vertices[t.first + t.count - 1u] - back) * cube_frame;
+                var low = vec2(FAR);
+                var high = vec2(-FAR);
                 for (var i = 0u; i < t.count; i++) {
+                    let at = vec2(dot(across, t.vertices[t.first + i]), dot(down, t.vertices[t.first + i]));
+                    low = min(low, at);
+                    high = max(high, at);
                     let b = (t.vertices[t.first + i] - back) * cube_frame;
                     ltc_polygon_add_edge(&polygon, base.m_inv, a, b);
                     a = b;
                 }
                 ltc_polygon_close(&polygon, base.m_inv);
-                let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse);
+                // No wider than the piece: it has the colour of its own part of the image.
+                let size = min(light.cell_size, max(high.x - low.x, high.y - low.y));
+                let diffuse_color = light_color(light, seen, frame, identity, identity, polygon.diffuse, size);
                 lit.diffuse += weight * seen.side * polygon.diffuse.z * diffuse_color;
-                lit.specular += weight * specular_color_integral(light, seen, frame, base, polygon, diffuse_color);
+                lit.specular += weight * specular_color_integral(light, seen, frame, base, polygon, diffuse_color, size);
                 if has_coat {
                     var over = ltc_polygon_new();
                     a = (t.vertices[t.first + t.count - 1u] - back) * cube_frame;
@@ -354,7 +366,7 @@ fn shade_pieces(
                         a = b;
                     }
                     ltc_polygon_close(&over, coat.m_inv);
-                    lit.coat += weight * specular_color_integral(light, seen, frame, coat, over, diffuse_color);
+                    lit.coat += weight * specular_color_integral(light, seen, frame, coat, over, diffuse_color, size);
                 }
             }
         }

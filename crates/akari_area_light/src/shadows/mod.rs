@@ -16,6 +16,21 @@
 //! Where all samples of a pixel agree that a light is whole or hidden, the pixel costs as much as without shadows, or
 //! less. In penumbrae, [`AreaShadows`](settings::AreaShadows) says which surfaces are worth the pieces.
 //!
+//! **Error** (bench `area_shadows`, 128 × 128 pixels, slats, a ball and a block over a floor, one bake for all lights; against
+//! the path tracer): the share of the light that arrives at a Lambert floor is off by
+//!
+//! | light | faces of 32² | 64² | 128² |
+//! |---|---|---|---|
+//! | 28° wide | 2.0 % | 1.0 % | 0.8 % |
+//! | 10° | 4.8 % | 1.7 % | 1.5 % |
+//! | 3° | 12 % | 3.5 % | 2.7 % |
+//!
+//! in the relative root mean square, and no pixel by 0.08 or more from 64² on but under the light of 3° (2.1 % of them, 0.1 % at 128²). Pictures under the 28° light, 64², with the
+//! error of unshadowed LTC in brackets: Lambert 1.0 % (0.1 %), metal of α 0.1 1.4 % (1.0 %), 0.25 4.1 % (3.7 %),
+//! 0.5 2.8 % (2.2 %), 1 1.0 % (0.6 %). By the ratio alone (`low`): 1.0, 13, 7.5, 4.7 and 1.5 %, at a fortieth of the time of
+//! `high` on a software GPU. Under a light with a detailed image the pieces take one colour each: 12 % of the picture, 4.6 %
+//! with `texture_cells` 4, 3.3 % with 8 (`ultra`).
+//!
 //! **Inputs**: [`BakedVisibility`](asset::BakedVisibility) on any entity. **Cost**: nothing without one: no pass, no
 //! memory, no pipeline.
 //!

@@ -146,7 +146,7 @@ pub fn warn_of_missing_bake(
         return;
     }
     if wanted.is_empty() && loaded.is_empty() && census.count(SHADOWED_CAMERAS) > 0 {
-        info!(
+        warn!(
             "area lights throw no shadows: no entity has BakedVisibility. `akari bake SCENE.glb --out SCENE.akari` makes one"
         );
         *warned = true;

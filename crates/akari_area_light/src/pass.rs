@@ -82,7 +82,10 @@ pub fn area_light_shade(
     }
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
-    if let Some(shadows) = receivers.and_then(|receivers| receivers.shade_group.as_ref()) {
+    if let (true, Some(shadows)) = (
+        lights.shadows,
+        receivers.and_then(|receivers| receivers.shade_group.as_ref()),
+    ) {
         pass.set_bind_group(1, shadows, &[]);
     }
     pass.draw(0..3, 0..1);
@@ -127,7 +130,10 @@ pub fn area_light_capture(
     });
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
-    if let Some(shadows) = receivers.and_then(|receivers| receivers.shade_group.as_ref()) {
+    if let (true, Some(shadows)) = (
+        lights.shadows,
+        receivers.and_then(|receivers| receivers.shade_group.as_ref()),
+    ) {
         pass.set_bind_group(1, shadows, &[]);
     }
     pass.draw(0..3, 0..1);

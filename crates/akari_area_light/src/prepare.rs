@@ -8,7 +8,6 @@ use crate::pipeline::{
     AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights, ltc_table_bytes,
 };
 use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
-use crate::shadows::pipeline::ShadowPipelines;
 use crate::shadows::prepare::ViewReceivers;
 use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
 use akari_render::capture::{DIRECT_FORMAT, ViewCapture};
@@ -71,6 +70,8 @@ pub struct ViewAreaLights {
     /// Bind group of the shading pass.
     pub shade_group: Option<BindGroup>,
     textured: bool,
+    /// Whether `shade` draws shadows, and needs their bind group.
+    pub shadows: bool,
     texture_cells: u32,
 }
 
@@ -141,6 +142,7 @@ pub fn prepare_area_lights(
         Option<&PbrDeferredLightingDepthId>,
         Has<ViewCapture>,
         Has<ViewAreaShadows>,
+        Option<&ViewReceivers>,
         Option<&mut ViewAreaLights>,
     )>,
     extracted: Res<ExtractedAreaLights>,
@@ -161,7 +163,8 @@ pub fn prepare_area_lights(
     };
     let images = images.as_deref();
     let versions = (extracted.version, images.map_or(0, |images| images.version));
-    for (entity, view, lighting, pass_id, captured, shadows, existing) in views {
+    for (entity, view, lighting, pass_id, captured, has_shadows, view_receivers, existing) in views
+    {
         let settings = &lighting.settings;
         let cells = settings.texture_cells.clamp(1, 8);
         let light_buffers = buffers
@@ -184,31 +187,26 @@ pub fn prepare_area_lights(
             words_per_tile: count.div_ceil(LIGHTS_PER_WORD).max(1),
         };
         let textured = images.is_some_and(|images| !images.is_empty());
-        let moving_casters = shadows && receivers.casters.count > 0;
-        let shade = specialized.specialize(
-            &cache,
-            &pipelines,
-            ShadeKey {
-                target_format: view.target_format,
+        let moving_casters = has_shadows && receivers.casters.count > 0;
+        let mut specialize = |target_format, shadows, blend| {
+            let key = ShadeKey {
+                target_format,
                 textured,
                 shadows,
-                moving_casters,
-                blend: true,
-            },
-        );
-        let shade_captured = captured.then(|| {
-            specialized.specialize(
-                &cache,
-                &pipelines,
-                ShadeKey {
-                    target_format: DIRECT_FORMAT,
-                    textured,
-                    shadows,
-                    moving_casters,
-                    blend: false,
-                },
-            )
-        });
+                moving_casters: shadows && moving_casters,
+                blend,
+            };
+            specialized.specialize(&cache, &pipelines, key)
+        };
+        // Until all that shadows need is compiled and bound, the lights shine without them: a bake that has just arrived
+        // darkens nothing but its shadows.
+        let shadows = has_shadows && {
+            let shadowed = specialize(view.target_format, true, true);
+            cache.get_render_pipeline(shadowed).is_some()
+                && view_receivers.is_some_and(|receivers| receivers.is_bound(moving_casters))
+        };
+        let shade = specialize(view.target_format, shadows, true);
+        let shade_captured = captured.then(|| specialize(DIRECT_FORMAT, shadows, false));
         let uniform = GpuAreaLightView {
             light_count: count,
             words_per_tile: shape.words_per_tile,
@@ -233,6 +231,7 @@ pub fn prepare_area_lights(
             existing.shade = shade;
             existing.shade_captured = shade_captured;
             existing.textured = textured;
+            existing.shadows = shadows;
             existing.texture_cells = cells;
             continue;
         }
@@ -267,6 +266,7 @@ pub fn prepare_area_lights(
             cull_group: None,
             shade_group: None,
             textured,
+            shadows,
             texture_cells: cells,
         };
         let held =
@@ -406,12 +406,10 @@ pub fn replace_deferred_lighting(
             Entity,
             &ExtractedView,
             &ViewAreaLights,
-            Has<ViewAreaShadows>,
             Option<&ViewReceivers>,
         ),
         With<DeferredLightingPipeline>,
     >,
-    shadow_pipelines: Option<Res<ShadowPipelines>>,
     extracted: Res<ExtractedAreaLights>,
     keys: Res<ViewKeyCache>,
     bevy_layout: Option<Res<DeferredLightingLayout>>,
@@ -423,12 +421,9 @@ pub fn replace_deferred_lighting(
     else {
         return;
     };
-    for (entity, extracted_view, view, shadows, receivers) in &views {
-        let shadows_ready = !shadows
-            || shadow_pipelines
-                .as_ref()
-                .is_some_and(|pipelines| pipelines.are_ready(&cache))
-                && receivers.is_some_and(|receivers| receivers.shade_group.is_some());
+    for (entity, extracted_view, view, receivers) in &views {
+        let shadows_ready =
+            !view.shadows || receivers.is_some_and(|receivers| receivers.shade_group.is_some());
         let ours_ready = shadows_ready
             && cache.get_compute_pipeline(pipelines.cull).is_some()
             && cache.get_render_pipeline(view.shade).is_some();

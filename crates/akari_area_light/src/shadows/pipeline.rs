@@ -126,10 +126,4 @@ impl ShadowPipelines {
             ratios,
         }
     }
-
-    /// Whether both pipelines are compiled.
-    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        cache.get_render_pipeline(self.receivers).is_some()
-            && cache.get_compute_pipeline(self.ratios).is_some()
-    }
 }

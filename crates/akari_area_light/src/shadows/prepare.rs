@@ -88,6 +88,15 @@ pub struct ViewReceivers {
     pub receivers_group: Option<BindGroup>,
     /// Bind group 1 of the shading pass.
     pub shade_group: Option<BindGroup>,
+    /// Whether `shade_group` has the bodies of moving casters.
+    has_casters: bool,
+}
+
+impl ViewReceivers {
+    /// Whether the shading pass with, or without, moving casters has its bind group.
+    pub fn is_bound(&self, moving_casters: bool) -> bool {
+        self.shade_group.is_some() && self.has_casters == moving_casters
+    }
 }
 
 /// Lets go of everything once no view has shadows.
@@ -245,7 +254,6 @@ pub fn prepare_shadows(
             return;
         }
         let buffers = ShadowBuffers::upload(&device, extracted.version, &tables);
-        ledger.free(EFFECT);
         ledger.set_bytes(EFFECT, "visibility trees", buffers.bytes());
         // The passes begin with the next frame, when the resource is there.
         commands.insert_resource(buffers);
@@ -339,6 +347,7 @@ pub fn prepare_shadows(
                     params_buffer: params_buffer(&device, &params),
                     receivers_group: None,
                     shade_group: None,
+                    has_casters: false,
                 });
             }
         }
@@ -484,6 +493,7 @@ pub fn prepare_shadow_bind_groups(
                 )
             }
         };
+        view.has_casters = buffers.casters.is_some();
         view.shade_group = Some(group);
     }
 }

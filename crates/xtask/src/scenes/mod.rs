@@ -5,6 +5,7 @@ mod document;
 mod gallery;
 mod glb;
 mod glossy;
+mod indirect;
 mod mesh;
 mod normal_mapped;
 mod pattern;
@@ -32,14 +33,26 @@ fn shadow_light(degrees: f64, textured: bool) -> shadows::Light {
 /// Every generated file: its name and its bytes.
 pub fn all() -> Vec<(&'static str, Vec<u8>)> {
     vec![
+        (
+            "corner.glb",
+            indirect::corner("corner", indirect::corner_lambert()).finish(),
+        ),
+        (
+            "corner_glossy.glb",
+            indirect::corner("corner_glossy", indirect::corner_metal()).finish(),
+        ),
         ("cornell.glb", cornell::cornell().finish()),
+        ("corridor.glb", indirect::corridor().finish()),
         ("empty.glb", small::empty().finish()),
         ("floor_light.glb", small::floor_light().finish()),
+        ("furnace.glb", indirect::furnace().finish()),
         ("gallery.glb", gallery::gallery().finish()),
+        ("glossy_hall.glb", indirect::glossy_hall().finish()),
         ("incident_edge.glb", glossy::incident_edge().finish()),
         ("many_lights.glb", small::many_lights().finish()),
         ("moving_object.glb", glossy::moving_object().finish()),
         ("normal_mapped.glb", normal_mapped::normal_mapped().finish()),
+        ("ring.glb", indirect::ring().finish()),
         ("roughness_map.glb", roughness_map::roughness_map().finish()),
         (
             "shadows_10.glb",

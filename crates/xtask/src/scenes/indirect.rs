@@ -349,10 +349,8 @@ pub fn furnace() -> Scene {
             let mut min: Vec3 = low.map(|v| v - shell);
             let mut max: Vec3 = high.map(|v| v + shell);
             // Slabs along the first axes give way to the later ones, so that no two of them overlap.
-            for earlier in 0..axis {
-                min[earlier] = low[earlier];
-                max[earlier] = high[earlier];
-            }
+            min[..axis].copy_from_slice(&low[..axis]);
+            max[..axis].copy_from_slice(&high[..axis]);
             min[axis] = from;
             max[axis] = to;
             scene.object(

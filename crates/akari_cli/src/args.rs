@@ -74,6 +74,11 @@ pub enum Command {
         after_help = "Example:\n  akari denoise noisy.exr --normal normal.exr --position position.exr --roughness roughness.exr \\\n    --albedo albedo.exr --camera-position 0,1.5,4 --out clean.exr"
     )]
     Denoise(DenoiseArgs),
+    /// What accuracy costs in time: every setting's error against a reference, and its time, as JSON and as a page
+    #[command(
+        after_help = "Examples:\n  akari report --quick --out report\n  akari report --effects shadows --scenes hall.glb --out report"
+    )]
+    Report(ReportArgs),
     /// What is in a scene or a bake, and which effects a scene calls for and why
     #[command(
         after_help = "Examples:\n  akari inspect assets/scenes/gallery.glb\n  akari inspect cornell.akari --scene assets/scenes/cornell.glb\n  akari inspect --settings"
@@ -454,6 +459,32 @@ fn parse_point(text: &str) -> Result<[f32; 3], String> {
     numbers
         .try_into()
         .map_err(|_| format!("'{text}' is no point; write x,y,z, as 0,1.5,-4"))
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Folder of report.json and report.html; what is done is kept there, and the same command goes on from it
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Fewer settings, smaller pictures, fewer samples: minutes on two cores without a GPU
+    #[arg(long)]
+    pub quick: bool,
+    /// Effects to measure, separated by commas; all if absent
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    pub effects: Vec<String>,
+    /// Scenes to measure on, .glb or .gltf, separated by commas; those of the repository if absent
+    #[arg(long, value_delimiter = ',', value_name = "SCENES")]
+    pub scenes: Vec<PathBuf>,
+    /// Width and height of the pictures in pixels
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub size: Option<u32>,
+    /// Samples a pixel of the references
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+    /// Timed frames of each setting
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: Option<u32>,
 }
 
 /// Arguments of `inspect`.

@@ -4,10 +4,11 @@ use crate::args::{Common, DenoiseArgs, KernelArg, MethodArg};
 use crate::error::CliError;
 use crate::load::{check_output, picture_format, write_picture};
 use crate::progress::check_interrupt;
+use crate::render::headless_options;
 use akari_scene::exr_io::{RgbImage, read_rgb};
 use bevy::prelude::*;
 use bevy_akari::buffers::{BufferDenoiser, SignalFrame, Surfaces};
-use bevy_akari::headless::{Headless, HeadlessOptions};
+use bevy_akari::headless::Headless;
 use bevy_akari::prelude::*;
 use bevy_akari::render::quality::Knobs;
 use std::path::Path;
@@ -55,16 +56,8 @@ pub fn run(args: &DenoiseArgs, common: &Common) -> Result<(), CliError> {
     }
     let reflected = without_emission(&color, &emission, &mut albedo);
     check_interrupt()?;
-    let options = HeadlessOptions {
-        adapter: common.adapter.clone(),
-        log_level: if common.quiet {
-            bevy::log::Level::ERROR
-        } else {
-            bevy::log::Level::WARN
-        },
-    };
     let mut denoiser = BufferDenoiser::new(
-        Headless::new(&options)?,
+        Headless::new(&headless_options(common))?,
         UVec2::new(color.width, color.height),
         Projection::default(),
         Transform::default(),

@@ -1,4 +1,4 @@
-//! The akari command line: render, bake, merge, reference, compare, denoise, inspect, doctor.
+//! The akari command line: render, bake, merge, reference, compare, denoise, report, inspect, doctor.
 
 mod args;
 mod bake;
@@ -15,6 +15,7 @@ mod merge;
 mod progress;
 mod reference;
 mod render;
+mod report;
 mod spawn;
 mod stats;
 
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Reference(args) => reference::run(args, common),
         Command::Compare(args) => compare::run(args),
         Command::Denoise(args) => denoise::run(args, common),
+        Command::Report(args) => report::run(args, common),
         Command::Inspect(args) => inspect::run(args, common),
         Command::Doctor => doctor::run(common),
     };

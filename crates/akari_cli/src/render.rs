@@ -148,15 +148,7 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     // Bevy's emission buffer and HDR target end at 65,504: brighter scenes are drawn darker by a power of two.
     let scale = radiance_scale(&scene);
 
-    let options = HeadlessOptions {
-        adapter: common.adapter.clone(),
-        log_level: if common.quiet {
-            bevy::log::Level::ERROR
-        } else {
-            bevy::log::Level::WARN
-        },
-    };
-    let mut headless = Headless::new(&options)?;
+    let mut headless = Headless::new(&headless_options(common))?;
     let world = headless.app.world_mut();
     settings.apply(world);
     world.insert_resource(CollectCounters(args.stats.is_some()));
@@ -275,8 +267,23 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     Ok(())
 }
 
+/// The adapter and the messages that the common options ask for.
+pub fn headless_options(common: &Common) -> HeadlessOptions {
+    HeadlessOptions {
+        adapter: common.adapter.clone(),
+        log_level: if common.quiet {
+            bevy::log::Level::ERROR
+        } else {
+            bevy::log::Level::WARN
+        },
+    }
+}
+
 /// Reads a bake, and refuses it if it is of another scene or state.
-fn load_bake(path: &Path, scene: &Scene) -> Result<Bake, CliError> {
+///
+/// # Errors
+/// If it is no bake, or one of something else.
+pub fn load_bake(path: &Path, scene: &Scene) -> Result<Bake, CliError> {
     let bake = Bake::read(path).map_err(read_error)?;
     let layout = SceneLayout::of(scene);
     bake.check_scene(path, layout.source, &layout.instances)
@@ -334,7 +341,7 @@ fn settings(args: &RenderArgs) -> Result<AkariSettings, CliError> {
 }
 
 /// A power of two that brings the brightest emission well below the end of half precision.
-fn radiance_scale(scene: &Scene) -> f32 {
+pub fn radiance_scale(scene: &Scene) -> f32 {
     const BRIGHTEST: f32 = 16_384.0;
     let emission = scene
         .materials

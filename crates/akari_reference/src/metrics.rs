@@ -3,7 +3,7 @@
 use akari_scene::exr_io::RgbImage;
 use akari_scene::tonemap;
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Stabiliser of `rel_mse`'s denominator: the usual 1e-2 (Rousselle et al. 2011).
 const REL_MSE_EPSILON: f64 = 0.01;
@@ -11,7 +11,7 @@ const REL_MSE_EPSILON: f64 = 0.01;
 const MAPE_FLOOR: f64 = 1e-3;
 
 /// Error of image A against image B over the pixels of the mask. Names are those of the JSON on stdout.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Root mean square of a − b over all channels.
     pub rmse: f64,

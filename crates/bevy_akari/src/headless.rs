@@ -100,6 +100,17 @@ pub struct AdapterDescription {
     pub limits: wgpu::Limits,
 }
 
+/// Discrete, integrated, virtual, software, other.
+pub fn device_kind(kind: wgpu::DeviceType) -> &'static str {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => "discrete",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
+        wgpu::DeviceType::VirtualGpu => "virtual",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    }
+}
+
 /// All adapters of this machine.
 pub fn adapters() -> Vec<AdapterDescription> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
@@ -110,14 +121,7 @@ pub fn adapters() -> Vec<AdapterDescription> {
             AdapterDescription {
                 name: info.name,
                 backend: format!("{:?}", info.backend),
-                kind: match info.device_type {
-                    wgpu::DeviceType::DiscreteGpu => "discrete",
-                    wgpu::DeviceType::IntegratedGpu => "integrated",
-                    wgpu::DeviceType::VirtualGpu => "virtual",
-                    wgpu::DeviceType::Cpu => "software",
-                    wgpu::DeviceType::Other => "other",
-                }
-                .to_owned(),
+                kind: device_kind(info.device_type).to_owned(),
                 driver: format!("{} {}", info.driver, info.driver_info)
                     .trim()
                     .to_owned(),

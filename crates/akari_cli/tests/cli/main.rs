@@ -8,5 +8,6 @@ mod denoise;
 mod gltf;
 mod interrupt;
 mod outputs;
+mod report;
 mod run;
 mod usage;

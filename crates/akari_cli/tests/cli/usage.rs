@@ -7,13 +7,14 @@ const USAGE: i32 = 2;
 const INPUT: i32 = 3;
 const NO_ADAPTER: i32 = 4;
 
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 9] = [
     "render",
     "bake",
     "merge",
     "reference",
     "compare",
     "denoise",
+    "report",
     "inspect",
     "doctor",
 ];

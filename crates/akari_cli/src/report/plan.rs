@@ -1,0 +1,288 @@
+//! Which settings are measured on which scenes.
+
+use super::Scope;
+use crate::error::CliError;
+use bevy_akari::prelude::{AkariSettings, Quality};
+use bevy_akari::render::quality::Knob;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Effects with a picture that can be held against a reference, by the names of their settings.
+pub const EFFECTS: [&str; 3] = ["area_lights", "shadows", "denoise"];
+
+/// One curve to be measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Subject {
+    /// One of [`EFFECTS`].
+    pub effect: &'static str,
+    /// The scene.
+    pub scene: PathBuf,
+}
+
+impl Subject {
+    /// Name of its files.
+    pub fn slug(&self) -> String {
+        format!("{}-{}", self.effect, self.scene_name())
+    }
+
+    /// The scene's file name without its ending.
+    pub fn scene_name(&self) -> String {
+        self.scene
+            .file_stem()
+            .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// One setting to be measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variant {
+    /// Name of the preset, or `knob = value`.
+    pub label: String,
+    /// The preset, if it is one.
+    pub preset: Option<Quality>,
+    /// The knob that was turned, if it is none.
+    pub knob: Option<&'static str>,
+    /// The settings of all effects.
+    pub settings: AkariSettings,
+    /// Knobs of the effect.
+    pub values: BTreeMap<String, f32>,
+}
+
+/// Scenes of the repository that show what an effect does.
+fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
+    match (effect, quick) {
+        ("area_lights", true) => &["spheres_quad", "spheres_textured"],
+        ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
+        ("shadows", true) => &["shadows_28"],
+        ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
+        (_, true) => &["roughness_map", "cornell"],
+        (_, false) => &[
+            "roughness_map",
+            "cornell",
+            "sphere_sharp",
+            "sphere_rough",
+            "incident_edge",
+        ],
+    }
+}
+
+/// All curves that were asked for.
+///
+/// # Errors
+/// If an effect is unknown, or a scene is not there.
+pub fn subjects(
+    effects: &[String],
+    scenes: &[PathBuf],
+    quick: bool,
+) -> Result<Vec<Subject>, CliError> {
+    let mut wanted: Vec<&'static str> = Vec::new();
+    for name in effects {
+        let spelled = name.replace('-', "_");
+        match EFFECTS.into_iter().find(|effect| *effect == spelled) {
+            Some(effect) if wanted.contains(&effect) => {}
+            Some(effect) => wanted.push(effect),
+            None => {
+                return Err(CliError::usage(format!(
+                    "--effects: there is no curve of '{name}'; there are: {}",
+                    EFFECTS.join(", ")
+                )));
+            }
+        }
+    }
+    if wanted.is_empty() {
+        wanted.extend(EFFECTS);
+    }
+    let mut subjects = Vec::new();
+    for effect in wanted {
+        let of_effect: Vec<PathBuf> = if scenes.is_empty() {
+            scenes_of(effect, quick)
+                .iter()
+                .map(|name| PathBuf::from(format!("assets/scenes/{name}.glb")))
+                .collect()
+        } else {
+            scenes.to_vec()
+        };
+        subjects.extend(of_effect.into_iter().map(|scene| Subject { effect, scene }));
+    }
+    if let Some(missing) = subjects.iter().find(|subject| !subject.scene.is_file()) {
+        return Err(CliError::input(format!(
+            "{}: there is no such scene; run `akari report` in the repository's folder, or name scenes by --scenes",
+            missing.scene.display()
+        )));
+    }
+    Ok(subjects)
+}
+
+/// The presets of an effect, then `high` with one knob turned at a time. No setting appears twice.
+pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
+    let values = |settings: &AkariSettings| -> BTreeMap<String, f32> {
+        settings
+            .knobs()
+            .into_iter()
+            .filter(|(owner, _, _)| *owner == effect)
+            .map(|(_, knob, value)| (knob.name.to_owned(), value))
+            .collect()
+    };
+    let mut variants: Vec<Variant> = Vec::new();
+    // `high` first: of equal presets the default's name stays.
+    for quality in [Quality::High, Quality::Low, Quality::Medium, Quality::Ultra] {
+        // Every other effect stays as it is by default, so that only this one is measured.
+        let mut settings = AkariSettings::default();
+        for (knob, value) in values(&AkariSettings::preset(quality)) {
+            // Valid, since it comes from a preset.
+            let _ = settings.set(effect, &knob, value);
+        }
+        variants.push(Variant {
+            label: preset_name(quality).to_owned(),
+            preset: Some(quality),
+            knob: None,
+            values: values(&settings),
+            settings,
+        });
+    }
+    let high = AkariSettings::default();
+    for (owner, knob, current) in high.knobs() {
+        if owner != effect {
+            continue;
+        }
+        for value in steps(&knob, current, scope.steps) {
+            let mut settings = high;
+            if settings.set(effect, knob.name, value).is_err() {
+                continue;
+            }
+            let values = values(&settings);
+            if variants.iter().any(|other| other.values == values) {
+                continue;
+            }
+            variants.push(Variant {
+                label: format!("{} = {}", knob.name, short(value)),
+                preset: None,
+                knob: Some(knob.name),
+                settings,
+                values,
+            });
+        }
+    }
+    variants
+}
+
+/// Name of a preset as the command line spells it.
+pub fn preset_name(quality: Quality) -> &'static str {
+    match quality {
+        Quality::Low => "low",
+        Quality::Medium => "medium",
+        Quality::High => "high",
+        Quality::Ultra => "ultra",
+    }
+}
+
+/// A number in as few digits as tell it from its neighbours.
+fn short(value: f32) -> String {
+    let rounded = format!("{value:.3}").parse::<f32>().unwrap_or(value);
+    if rounded == value {
+        format!("{value}")
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+/// Values of a knob to be tried, at most `most` of them besides those of its presets: all of a small whole range; else
+/// steps by a factor around the present value, within the range.
+fn steps(knob: &Knob, current: f32, most: usize) -> Vec<f32> {
+    let mut values: Vec<f32> = knob.presets.to_vec();
+    let span = knob.max - knob.min;
+    if knob.integer && span <= most as f32 {
+        values.extend((0..=span as u32).map(|i| knob.min + i as f32));
+    } else if current == 0.0 || knob.min < 0.0 {
+        // No factor leads away from 0: even steps through the range.
+        values.extend((0..most).map(|i| knob.min + span * i as f32 / (most.max(2) - 1) as f32));
+    } else {
+        let factor = if knob.integer { 2.0f32 } else { 4.0 };
+        for i in 0..most as i32 {
+            // Alternating above and below: 1, -1, 2, -2 ...
+            let power = (i / 2 + 1) * if i % 2 == 0 { 1 } else { -1 };
+            values.push(current * factor.powi(power));
+        }
+    }
+    for value in &mut values {
+        *value = value.clamp(knob.min, knob.max);
+        if knob.integer {
+            *value = value.round();
+        }
+    }
+    values.sort_by(f32::total_cmp);
+    values.dedup();
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCOPE: Scope = Scope {
+        size: 64,
+        spp: 4,
+        rounds: 1,
+        steps: 4,
+        face_size: 16,
+    };
+
+    #[test]
+    fn every_effect_has_four_settings_and_none_twice() {
+        for effect in EFFECTS {
+            let variants = variants(effect, &SCOPE);
+            assert!(variants.len() >= 4, "{effect}: {}", variants.len());
+            assert_eq!(variants[0].label, "high");
+            let turned: Vec<_> = variants.iter().filter(|v| v.preset.is_none()).collect();
+            for (i, variant) in turned.iter().enumerate() {
+                assert!(
+                    turned[..i]
+                        .iter()
+                        .all(|other| other.values != variant.values),
+                    "{effect}: {} twice",
+                    variant.label
+                );
+                let high = AkariSettings::default();
+                let changed = variant
+                    .settings
+                    .knobs()
+                    .iter()
+                    .zip(high.knobs())
+                    .filter(|(a, b)| a.2 != b.2)
+                    .count();
+                assert_eq!(changed, 1, "{effect}: {}", variant.label);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_stay_in_range_and_hold_the_presets() {
+        for (_, knob, value) in AkariSettings::default().knobs() {
+            let steps = steps(&knob, value, 5);
+            for preset in knob.presets {
+                assert!(steps.contains(&preset), "{}: {preset}", knob.name);
+            }
+            for step in &steps {
+                assert!(
+                    (knob.min..=knob.max).contains(step),
+                    "{}: {step}",
+                    knob.name
+                );
+                assert!(
+                    !knob.integer || step.fract() == 0.0,
+                    "{}: {step}",
+                    knob.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_effects_and_missing_scenes_are_refused() {
+        let error = subjects(&["raytracing".into()], &[], true).unwrap_err();
+        assert_eq!(error.code, crate::error::USAGE);
+        let error = subjects(&[], &["no/such.glb".into()], true).unwrap_err();
+        assert_eq!(error.code, crate::error::INPUT);
+        assert!(error.message.contains("no/such.glb"));
+    }
+}

@@ -1,0 +1,396 @@
+//! One scene, loaded once, drawn with one setting after the other.
+
+use super::Scope;
+use super::document::Reference;
+use super::plan::{Subject, Variant};
+use crate::args::{Common, Size};
+use crate::error::CliError;
+use crate::load::{choose_camera, load_scene, make_folder};
+use crate::progress::{Reporter, interrupted, writing};
+use crate::render::{headless_options, load_bake, radiance_scale};
+use crate::spawn::{camera_components, spawn_scene};
+use akari_bake::{Geometry, GeometryOptions, bake};
+use akari_reference::{Error, Options, Output, render};
+use akari_scene::Scene;
+use akari_scene::exr_io::RgbImage;
+use bevy::prelude::*;
+use bevy_akari::buffers::{BufferDenoiser, SignalFrame, Surfaces};
+use bevy_akari::headless::Headless;
+use bevy_akari::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+/// Passes of this project begin with it.
+const OWN_PASSES: &str = "akari_";
+/// Frames after a change of settings before one is timed: buffers are made anew in the first.
+const SETTLING_FRAMES: u32 = 2;
+
+/// A frame's times.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameTime {
+    /// Sum of the time spans of our passes, milliseconds; absent without timestamps.
+    pub gpu_ms: Option<f64>,
+    /// The whole frame, milliseconds.
+    pub frame_ms: f64,
+}
+
+/// What draws.
+enum Drawing {
+    /// A scene through the plugins.
+    Scene {
+        headless: Box<Headless>,
+        view: Entity,
+        scale: f32,
+    },
+    /// The denoiser on buffers of the path tracer.
+    Buffers {
+        denoiser: Box<BufferDenoiser>,
+        noisy: Vec<[f32; 3]>,
+        emission: Vec<[f32; 3]>,
+        size: UVec2,
+    },
+}
+
+/// A scene that is ready to be drawn with any settings, and what it should look like.
+pub struct Stage {
+    drawing: Drawing,
+    /// What it should look like.
+    pub truth: RgbImage,
+    /// How that was made.
+    pub reference: Reference,
+    /// What is compared, in words.
+    pub what: &'static str,
+}
+
+impl Stage {
+    /// Loads the scene, traces its reference, bakes it if the effect is shadows.
+    ///
+    /// # Errors
+    /// If the scene cannot be used, there is no GPU, or the user stopped it.
+    pub fn new(
+        subject: &Subject,
+        scope: &Scope,
+        folder: &Path,
+        common: &Common,
+    ) -> Result<Self, CliError> {
+        let scene = load_scene(&subject.scene, common)?;
+        let camera = choose_camera(&scene, None, common)?;
+        let size = Size {
+            width: scope.size,
+            height: scope.size,
+        };
+        let options = reference_options(subject.effect, size, scope.spp);
+        let traced = trace(&scene, &options, common)?;
+        let reference = Reference {
+            spp: options.spp,
+            max_depth: options.max_depth,
+            noise: traced.noise.map(|noise| noise.relative_rms),
+        };
+        let headless = Headless::new(&headless_options(common))?;
+        if subject.effect == "denoise" {
+            return Self::of_buffers(&scene, headless, size, traced, reference, common);
+        }
+        let mut headless = headless;
+        let bake = match subject.effect {
+            "shadows" => Some(baked(subject, &scene, scope, folder, common)?),
+            _ => None,
+        };
+        // Bevy's emission buffer and HDR target end at 65,504, see `akari render`.
+        let scale = radiance_scale(&scene);
+        let world = headless.app.world_mut();
+        spawn_scene(world, &scene, scale);
+        if let Some(bake) = bake {
+            let handle = world
+                .resource_mut::<Assets<VisibilityBake>>()
+                .add(VisibilityBake::from(bake));
+            world.spawn(BakedVisibility(handle));
+        }
+        let (projection, transform) = camera_components(&camera);
+        let view =
+            headless.spawn_camera(UVec2::new(size.width, size.height), projection, transform)?;
+        headless
+            .app
+            .world_mut()
+            .entity_mut(view)
+            .insert(AkariCamera);
+        Ok(Self {
+            drawing: Drawing::Scene {
+                headless: Box::new(headless),
+                view,
+                scale,
+            },
+            truth: traced.color,
+            reference,
+            what: match subject.effect {
+                "shadows" => "direct light with baked shadows, against traced rays",
+                _ => "direct light without shadows, against traced rays",
+            },
+        })
+    }
+
+    fn of_buffers(
+        scene: &Scene,
+        headless: Headless,
+        size: Size,
+        traced: Output,
+        reference: Reference,
+        common: &Common,
+    ) -> Result<Self, CliError> {
+        // One sample a pixel, from another seed than the reference's.
+        let noisy = trace(
+            scene,
+            &Options {
+                spp: 1,
+                seed: 1,
+                aovs: true,
+                ..reference_options("denoise", size, 1)
+            },
+            common,
+        )?;
+        let aovs = noisy
+            .aovs
+            .ok_or_else(|| CliError::other("the path tracer gave no surfaces"))?;
+        let camera = choose_camera(scene, None, common)?;
+        let (projection, transform) = camera_components(&camera);
+        let size = UVec2::new(size.width, size.height);
+        let mut denoiser = BufferDenoiser::new(
+            headless,
+            size,
+            projection,
+            transform,
+            AkariSettings::default().denoise,
+        )?;
+        denoiser.set_surfaces(&Surfaces {
+            position: &aovs.position,
+            normal: &aovs.normal,
+            roughness: &aovs.roughness,
+            albedo: &aovs.albedo,
+            camera: transform.translation,
+        });
+        let reflected = noisy
+            .color
+            .data
+            .iter()
+            .zip(&aovs.emission)
+            .map(|(color, emission)| std::array::from_fn(|c| (color[c] - emission[c]).max(0.0)))
+            .collect();
+        Ok(Self {
+            drawing: Drawing::Buffers {
+                denoiser: Box::new(denoiser),
+                noisy: reflected,
+                emission: aovs.emission,
+                size,
+            },
+            truth: traced.color,
+            reference,
+            what: "global illumination of one sample a pixel, filtered in one frame, against many samples",
+        })
+    }
+
+    fn headless(&mut self) -> &mut Headless {
+        match &mut self.drawing {
+            Drawing::Scene { headless, .. } => headless,
+            Drawing::Buffers { denoiser, .. } => &mut denoiser.headless,
+        }
+    }
+
+    /// What draws.
+    pub fn device(&mut self) -> super::document::Device {
+        use bevy::render::renderer::RenderAdapterInfo;
+        let headless = self.headless();
+        let info = headless.app.world().get_resource::<RenderAdapterInfo>();
+        let text = |f: fn(&RenderAdapterInfo) -> String| info.map_or_else(String::new, f);
+        super::document::Device {
+            adapter: text(|info| info.name.clone()),
+            kind: text(|info| bevy_akari::headless::device_kind(info.device_type).to_owned()),
+            backend: text(|info| format!("{:?}", info.backend)),
+            driver: text(|info| {
+                format!("{} {}", info.driver, info.driver_info)
+                    .trim()
+                    .to_owned()
+            }),
+        }
+    }
+
+    /// From now on frames are drawn with these settings.
+    ///
+    /// # Errors
+    /// If the GPU refused a command or a shader.
+    pub fn apply(&mut self, variant: &Variant) -> Result<(), CliError> {
+        match &mut self.drawing {
+            Drawing::Scene { headless, .. } => {
+                variant.settings.apply(headless.app.world_mut());
+                headless.step_until_ready()?;
+            }
+            Drawing::Buffers { denoiser, .. } => {
+                // One frame has no history; its memory and motion vectors would only be in the way of the times.
+                denoiser.set_settings(Denoise {
+                    history: 1,
+                    ..variant.settings.denoise
+                });
+            }
+        }
+        for _ in 0..SETTLING_FRAMES {
+            self.frame()?;
+        }
+        Ok(())
+    }
+
+    /// Draws one frame.
+    ///
+    /// # Errors
+    /// If the GPU refused a command.
+    pub fn frame(&mut self) -> Result<FrameTime, CliError> {
+        let start = Instant::now();
+        match &mut self.drawing {
+            Drawing::Scene { headless, .. } => headless.step()?,
+            Drawing::Buffers {
+                denoiser, noisy, ..
+            } => denoiser.frame(&SignalFrame {
+                radiance: noisy,
+                hit_distance: None,
+                full_resolution: None,
+                scale: SignalScale::Full,
+                frame: 0,
+                reset: true,
+            })?,
+        }
+        let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let spans = self.headless().gpu_times();
+        let own: Vec<f64> = spans
+            .iter()
+            .filter(|(name, _)| name.starts_with(OWN_PASSES))
+            .map(|(_, milliseconds)| *milliseconds)
+            .collect();
+        Ok(FrameTime {
+            gpu_ms: (!own.is_empty()).then(|| own.iter().sum()),
+            frame_ms,
+        })
+    }
+
+    /// The picture of a new frame.
+    ///
+    /// # Errors
+    /// If the GPU refused a command.
+    pub fn picture(&mut self) -> Result<RgbImage, CliError> {
+        match &mut self.drawing {
+            Drawing::Scene {
+                headless,
+                view,
+                scale,
+            } => {
+                let read = headless.read(*view)?;
+                let data = read
+                    .data
+                    .iter()
+                    .map(|[r, g, b, _]| [r / *scale, g / *scale, b / *scale]);
+                Ok(RgbImage {
+                    width: read.width,
+                    height: read.height,
+                    data: data.collect(),
+                })
+            }
+            Drawing::Buffers { .. } => {
+                self.frame()?;
+                let Drawing::Buffers {
+                    denoiser,
+                    emission,
+                    size,
+                    ..
+                } = &mut self.drawing
+                else {
+                    return Err(CliError::other("no buffers"));
+                };
+                let filtered = denoiser.read()?;
+                let data = filtered
+                    .iter()
+                    .zip(emission)
+                    .map(|(filtered, emission)| std::array::from_fn(|c| filtered[c] + emission[c]));
+                Ok(RgbImage {
+                    width: size.x,
+                    height: size.y,
+                    data: data.collect(),
+                })
+            }
+        }
+    }
+
+    /// Our passes of one frame, with how often they ran.
+    ///
+    /// # Errors
+    /// If the GPU refused a command.
+    pub fn passes(&mut self) -> Result<BTreeMap<&'static str, u64>, CliError> {
+        let ledger = self.headless().ledger();
+        let before = ledger.passes();
+        self.frame()?;
+        let ran = ledger
+            .passes()
+            .into_iter()
+            .map(|(name, count)| (name, count - before.get(name).copied().unwrap_or(0)))
+            .filter(|(_, count)| *count > 0);
+        Ok(ran.collect())
+    }
+
+    /// Bytes that the effects hold on the GPU.
+    pub fn gpu_bytes(&mut self) -> u64 {
+        self.headless().ledger().bytes_by_effect().values().sum()
+    }
+}
+
+/// What the effect's picture is held against.
+fn reference_options(effect: &str, size: Size, spp: u32) -> Options {
+    Options {
+        width: size.width,
+        height: size.height,
+        spp,
+        max_depth: if effect == "denoise" { 8 } else { 2 },
+        no_occlusion: effect == "area_lights",
+        pixel_centers: true,
+        ..Options::default()
+    }
+}
+
+fn trace(scene: &Scene, options: &Options, common: &Common) -> Result<Output, CliError> {
+    let reporter = Reporter::new("reference", common);
+    let output = render(scene, None, options, &reporter).map_err(|error| match error {
+        Error::Options(text) => CliError::usage(text),
+        Error::Scene(error) => error.into(),
+        Error::Cancelled => CliError::interrupted(),
+    })?;
+    reporter.finish();
+    Ok(output)
+}
+
+/// The scene's visibility, made if it is not there yet.
+fn baked(
+    subject: &Subject,
+    scene: &Scene,
+    scope: &Scope,
+    folder: &Path,
+    common: &Common,
+) -> Result<bevy_akari::visibility::bake::Bake, CliError> {
+    let folder = folder.join("bakes");
+    make_folder(&folder)?;
+    let path = folder.join(format!("{}.akari", subject.scene_name()));
+    let geometry = Geometry::from_scene(scene, GeometryOptions::default(), |_, _, roles| roles)
+        .map_err(|error| CliError::input(format!("{}: {error}", subject.scene.display())))?;
+    let options = akari_bake::Options {
+        face_size: scope.face_size,
+        ..akari_bake::Options::default()
+    };
+    let reporter = Reporter::with_phases("bake", common);
+    let result = {
+        let _writing = writing();
+        bake(&geometry, &options, &path, &reporter)
+    };
+    reporter.finish();
+    result.map_err(|error| {
+        if interrupted() {
+            CliError::interrupted()
+        } else {
+            CliError::other(format!("{}: {error}", path.display()))
+        }
+    })?;
+    load_bake(&path, scene)
+}

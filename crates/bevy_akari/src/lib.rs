@@ -21,6 +21,7 @@
 //! pipeline. [`AkariCamera`](prelude::AkariCamera) on a camera asks for the effects there. Each effect has its own
 //! crate, re-exported here under its name.
 
+pub mod budget;
 pub mod buffers;
 pub mod headless;
 pub mod resample;
@@ -38,6 +39,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// What an app needs.
 pub mod prelude {
     pub use crate::AkariPlugins;
+    pub use crate::budget::{BudgetLog, FrameBudget, FrameBudgetPlugin};
     pub use crate::settings::AkariSettings;
     pub use akari_area_light::prelude::*;
     pub use akari_denoise::prelude::*;
@@ -59,5 +61,6 @@ impl PluginGroup for AkariPlugins {
             .add(akari_area_light::emissive::EmissiveMeshLightsPlugin)
             .add(akari_lobes::LobesPlugin)
             .add(akari_denoise::DenoisePlugin)
+            .add(budget::FrameBudgetPlugin)
     }
 }

@@ -122,6 +122,24 @@ impl AkariSettings {
             .collect()
     }
 
+    /// The settings of every camera that has none of its own; defaults for effects whose plugin is not there.
+    pub fn of_world(world: &World) -> Self {
+        Self {
+            area_lights: world
+                .get_resource::<DefaultAreaLighting>()
+                .map_or_else(AreaLighting::default, |default| default.0),
+            shadows: world
+                .get_resource::<DefaultAreaShadows>()
+                .map_or_else(AreaShadows::default, |default| default.0),
+            lobes: world
+                .get_resource::<DefaultSpecularLobes>()
+                .map_or_else(SpecularLobes::default, |default| default.0),
+            denoise: world
+                .get_resource::<DefaultDenoise>()
+                .map_or_else(Denoise::default, |default| default.0),
+        }
+    }
+
     /// Makes them the settings of every camera that has none of its own.
     pub fn apply(&self, world: &mut World) {
         world.insert_resource(DefaultAreaLighting(self.area_lights));

@@ -2,9 +2,10 @@
 //!
 //! Each setting of each effect is drawn, held against a traced reference, and timed; the result is `report.json` and a
 //! page that works without a network. Curves that are done are kept in `parts`, so that the same command continues
-//! where it was stopped.
+//! where it was stopped. `ladders.ron` is what a frame budget climbs.
 
 mod document;
+mod ladder;
 mod page;
 mod plan;
 mod plot;
@@ -131,6 +132,10 @@ pub fn run(args: &ReportArgs, common: &Common) -> Result<(), CliError> {
     let page = page::page(&report, &parts)?;
     let _writing = writing();
     write_json(&args.out.join("report.json"), &report)?;
+    let ladders = ladder::ladders(&report);
+    let ladders = ron::ser::to_string_pretty(&ladders, ron::ser::PrettyConfig::default())
+        .map_err(|error| CliError::other(error.to_string()))?;
+    akari_scene::write_atomic(&args.out.join("ladders.ron"), ladders.as_bytes())?;
     let path = args.out.join("report.html");
     akari_scene::write_atomic(&path, page.as_bytes())?;
     if common.quiet {

@@ -1,0 +1,251 @@
+//! A time for a frame, held by turning the effects' knobs.
+//!
+//! ```no_run
+//! # use bevy::prelude::*;
+//! # //! # use bevy_akari::prelude::*;
+//! App::new()
+//!     .add_plugins((DefaultPlugins, RenderDiagnosticsPlugin, AkariPlugins))
+//!     .insert_resource(FrameBudget { gpu_ms: 4.0 });
+//! ```
+//!
+//! [`FrameBudgetPlugin`], one of `AkariPlugins`, reads the time spans of our passes, and moves each effect along its [`Ladder`]: the settings
+//! that no other setting beats in both time and error, as `akari report` measured them. It changes the settings of all
+//! cameras (`Default…` resources); a camera that has a component of its own keeps it. [`BudgetLog`] tells what was
+//! changed and why. Without the resource [`FrameBudget`] nothing is done. Bevy's `RenderDiagnosticsPlugin` measures the
+//! times, which costs a little by itself; without it, or on a device without timestamps, settings stay as they are, and a
+//! warning says so.
+
+pub mod controller;
+pub mod ladders;
+#[cfg(test)]
+mod simulated;
+
+use crate::settings::AkariSettings;
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::prelude::*;
+use controller::{Change, Controller, FrameCost};
+use ladders::Ladder;
+use std::collections::VecDeque;
+
+/// The time that the passes of `bevy_akari` may take on the GPU in a frame.
+#[derive(Resource, Debug, Clone, Copy, PartialEq, Reflect)]
+#[reflect(Resource, Debug, Clone, PartialEq)]
+pub struct FrameBudget {
+    /// Milliseconds, above 0. Passes of the engine and of others do not count.
+    pub gpu_ms: f32,
+}
+
+/// What the budget did, oldest first.
+#[derive(Resource, Debug, Default, Clone)]
+pub struct BudgetLog {
+    entries: VecDeque<LogEntry>,
+}
+
+/// One change of settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LogEntry {
+    /// The decision.
+    pub change: Change,
+    /// The same in words ("over the budget: 8.10 of 4.00 ms, 3.80 ms expected; denoise 3 -> 1").
+    pub text: String,
+}
+
+impl BudgetLog {
+    /// Entries that are kept.
+    const KEPT: usize = 256;
+
+    /// All entries, oldest first.
+    pub fn iter(&self) -> impl Iterator<Item = &LogEntry> {
+        self.entries.iter()
+    }
+
+    fn push(&mut self, entry: LogEntry) {
+        if self.entries.len() == Self::KEPT {
+            self.entries.pop_front();
+        }
+        self.entries.push_back(entry);
+    }
+}
+
+/// Holds [`FrameBudget`].
+#[derive(Default)]
+pub struct FrameBudgetPlugin;
+
+/// The controller at work.
+#[derive(Resource)]
+struct Budgeting {
+    ladders: Vec<Ladder>,
+    controller: Option<Controller>,
+    warned: bool,
+    frames_without_times: u32,
+}
+
+impl Plugin for FrameBudgetPlugin {
+    fn build(&self, app: &mut App) {
+        let ladders = ladders::measured().unwrap_or_else(|error| {
+            warn!("frame budget: {error}; settings stay as they are");
+            Vec::new()
+        });
+        app.register_type::<FrameBudget>()
+            .init_resource::<BudgetLog>()
+            .insert_resource(Budgeting {
+                ladders,
+                controller: None,
+                warned: false,
+                frames_without_times: 0,
+            })
+            .add_systems(Last, hold_budget.run_if(resource_exists::<FrameBudget>));
+    }
+}
+
+/// GPU times of our passes in the last frame that was measured, milliseconds, by name.
+fn pass_times(store: &DiagnosticsStore) -> Vec<(&str, f32)> {
+    let passes: Vec<_> = store
+        .iter()
+        .filter_map(|diagnostic| {
+            let pass = diagnostic
+                .path()
+                .as_str()
+                .strip_prefix("render/")?
+                .strip_suffix("/elapsed_gpu")?;
+            let measurement = diagnostic.measurement()?;
+            pass.starts_with(OWN_PASSES).then_some((
+                pass,
+                measurement.time,
+                measurement.value as f32,
+            ))
+        })
+        .collect();
+    let newest = passes.iter().map(|(_, time, _)| *time).max();
+    // A pass that no longer runs keeps its last time; it is no part of this frame. All passes of one frame are entered
+    // together.
+    let fresh = |time| newest.is_some_and(|newest| newest.duration_since(time) < ONE_FRAME);
+    passes
+        .into_iter()
+        .filter(|(_, time, _)| fresh(*time))
+        .map(|(pass, _, milliseconds)| (pass, milliseconds))
+        .collect()
+}
+
+/// Age, beside the newest, of a time that is not of the same frame.
+const ONE_FRAME: std::time::Duration = std::time::Duration::from_millis(50);
+/// What all our passes begin with.
+const OWN_PASSES: &str = "akari_";
+
+fn hold_budget(world: &mut World) {
+    let Some(budget) = world.get_resource::<FrameBudget>().copied() else {
+        return;
+    };
+    if !(budget.gpu_ms > 0.0 && budget.gpu_ms.is_finite()) {
+        return;
+    }
+    world.resource_scope(|world, mut budgeting: Mut<Budgeting>| {
+        let Some(cost) = frame_cost(world, &mut budgeting) else {
+            return;
+        };
+        let Budgeting {
+            ladders,
+            controller,
+            ..
+        } = &mut *budgeting;
+        let controller = controller.get_or_insert_with(|| {
+            let mut controller = Controller::new(budget.gpu_ms, ladders);
+            // From where the settings are, as far as the ladder has them.
+            let present = AkariSettings::of_world(world);
+            for (i, ladder) in ladders.iter().enumerate() {
+                controller.place(i, nearest_rung(ladder, &present));
+            }
+            controller
+        });
+        controller.set_budget_ms(budget.gpu_ms);
+        let Some(change) = controller.update(&cost) else {
+            return;
+        };
+        let mut settings = AkariSettings::of_world(world);
+        let mut text = change.to_string();
+        for step in &change.steps {
+            let ladder = &ladders[step.ladder];
+            text += &format!("; {} {} -> {}", ladder.effect, step.from, step.to);
+            // Checked when the ladders were read.
+            if let Err(error) = ladder.rungs[step.to].apply(&ladder.effect, &mut settings) {
+                warn!("frame budget: {error}");
+            }
+        }
+        settings.apply(world);
+        debug!("frame budget: {text}");
+        world
+            .resource_mut::<BudgetLog>()
+            .push(LogEntry { change, text });
+    });
+}
+
+/// What the last measured frame took; nothing without timestamps.
+fn frame_cost(world: &World, budgeting: &mut Budgeting) -> Option<FrameCost> {
+    /// Frames after which times must have come, if they come at all.
+    const PATIENCE: u32 = 600;
+    let times = world
+        .get_resource::<DiagnosticsStore>()
+        .map_or_else(Vec::new, pass_times);
+    let sum = |prefix: &str| -> f32 {
+        let of_effect = times.iter().filter(|(pass, _)| pass.starts_with(prefix));
+        of_effect.map(|(_, milliseconds)| milliseconds).sum()
+    };
+    let total_ms = sum("");
+    if total_ms <= 0.0 {
+        budgeting.frames_without_times += 1;
+        if budgeting.frames_without_times == PATIENCE && !budgeting.warned {
+            budgeting.warned = true;
+            warn!(
+                "frame budget: no GPU time of our passes was measured: no effect runs, RenderDiagnosticsPlugin is missing, or \
+                 the device has no timestamps"
+            );
+        }
+        return None;
+    }
+    budgeting.frames_without_times = 0;
+    Some(FrameCost {
+        total_ms,
+        effect_ms: budgeting
+            .ladders
+            .iter()
+            .map(|ladder| sum(&ladder.passes))
+            .collect(),
+    })
+}
+
+/// The rung whose knobs differ least from the present settings; of equals the most exact.
+fn nearest_rung(ladder: &Ladder, settings: &AkariSettings) -> usize {
+    let present: Vec<(&str, f32)> = settings
+        .knobs()
+        .into_iter()
+        .filter(|(effect, _, _)| *effect == ladder.effect)
+        .map(|(_, knob, value)| (knob.name, value))
+        .collect();
+    let differing = |rung: &ladders::Rung| {
+        present
+            .iter()
+            .filter(|(knob, value)| rung.settings.get(*knob).is_some_and(|other| other != value))
+            .count()
+    };
+    (0..ladder.rungs.len())
+        .rev()
+        .min_by_key(|i| differing(&ladder.rungs[*i]))
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prelude::Quality;
+
+    #[test]
+    fn the_present_settings_are_found_on_the_ladder() {
+        for ladder in ladders::measured().expect("valid ladders") {
+            for (i, rung) in ladder.rungs.iter().enumerate() {
+                let mut settings = AkariSettings::preset(Quality::High);
+                rung.apply(&ladder.effect, &mut settings).expect("valid");
+                assert_eq!(nearest_rung(&ladder, &settings), i, "{}", ladder.effect);
+            }
+        }
+    }
+}

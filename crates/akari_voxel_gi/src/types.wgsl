@@ -1,0 +1,82 @@
+#define_import_path akari_voxel_gi::types
+
+// What the GPU reads and writes, as in `types.rs`, where it is explained.
+
+const BRICK_EDGE: u32 = 4u;
+const BRICK_VOXELS: u32 = 64u;
+const PAGE_RECORDS: u32 = 16u;
+const FACES: u32 = 6u;
+const MOST_CASCADES: u32 = 5u;
+const MOST_LEVELS: u32 = 10u;
+const SMALLEST_TAIL: u32 = 8u;
+const MOST_PAGES: u32 = 65535u;
+const NO_OWNER: u32 = 0xffffffffu;
+const BRICK_PENDING: u32 = 0xffffffffu;
+const ONE_SURFACE: u32 = 0xffffffffu;
+const INSTANCE_TWO_SIDED: u32 = 1u;
+const INSTANCE_MIRRORED: u32 = 2u;
+const CLUSTER_TRIANGLES: u32 = 64u;
+const INWARD_SHIFT: f32 = 1e-3;
+
+struct VoxelLevel {
+    anchor: vec3<f32>,
+    voxel_size: f32,
+    origin: vec3<i32>,
+    bricks: u32,
+    first_slot: u32,
+    finer: u32,
+    pad_a: u32,
+    pad_b: u32,
+}
+
+struct VoxelClipmap {
+    levels: array<VoxelLevel, 10>,
+    cascades: u32,
+    level_count: u32,
+    slots: u32,
+    pages: u32,
+}
+
+struct DirtyBrick {
+    brick: vec3<i32>,
+    level: u32,
+}
+
+struct VoxelInstance {
+    x_axis: vec3<f32>,
+    first_cluster: u32,
+    y_axis: vec3<f32>,
+    clusters: u32,
+    z_axis: vec3<f32>,
+    first_surface: u32,
+    offset: vec3<f32>,
+    albedo: u32,
+    cell: vec3<i32>,
+    emission: u32,
+    low: vec3<f32>,
+    flags: u32,
+    high: vec3<f32>,
+    first_triangle: u32,
+}
+
+struct VoxelCluster {
+    low: vec3<f32>,
+    first_triangle: u32,
+    high: vec3<f32>,
+    triangles: u32,
+}
+
+// Indices of the counters, in the order of COUNTER_NAMES in `types.rs`.
+const COUNTER_MADE: u32 = 0u;
+const COUNTER_CONTENT: u32 = 1u;
+const COUNTER_VOXELS: u32 = 2u;
+const COUNTER_CLIPPED: u32 = 3u;
+const COUNTER_WITHOUT: u32 = 4u;
+const COUNTER_FREE: u32 = 5u;
+
+/// Slot of a brick of the world that `level` holds: toroidal, so that scrolling moves nothing.
+fn slot_of_brick(level: VoxelLevel, brick: vec3<i32>) -> u32 {
+    // `bricks` is a power of two: the low bits of two's complement are the remainder, of negative numbers too.
+    let wrapped = vec3<u32>(brick) & vec3(level.bricks - 1u);
+    return level.first_slot + wrapped.x + level.bricks * (wrapped.y + level.bricks * wrapped.z);
+}

@@ -1,0 +1,259 @@
+//! Every shader composes with Bevy's own modules and is valid for every set of shader definitions, and agrees with Rust on
+//! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
+
+use akari_gpu_test::{layout_fault, u32_constants};
+use akari_voxel_gi::types::*;
+use bevy::math::{IVec3, Vec3};
+use bevy::render::render_resource::ShaderType;
+use std::path::Path;
+
+#[path = "../../akari_render/tests/shader_composer/mod.rs"]
+mod shader_composer;
+
+use shader_composer::{Composer, Entry, choices, list_faults};
+
+const TYPES: &str = include_str!("../src/types.wgsl");
+
+/// Modules of this crate that the entry shaders import.
+const LIBRARIES: &[(&str, &str)] = &[("types.wgsl", TYPES)];
+
+/// What an importer of the types may ask for.
+fn reader() -> Entry {
+    Entry {
+        file: "reader.wgsl",
+        source: "
+#import akari_voxel_gi::types::{VoxelClipmap, slot_of_brick}
+
+@group(0) @binding(0) var<uniform> clipmap: VoxelClipmap;
+@group(0) @binding(1) var<storage, read_write> slots: array<u32>;
+
+@compute @workgroup_size(64, 1, 1)
+fn read(@builtin(global_invocation_id) id: vec3<u32>) {
+    slots[id.x] = slot_of_brick(clipmap.levels[0], vec3<i32>(id));
+}",
+        entry_point: "read",
+        definitions: choices(&[]),
+    }
+}
+
+fn entries() -> [Entry; 1] {
+    [reader()]
+}
+
+fn composer() -> Composer {
+    Composer::new(LIBRARIES, &entries().each_ref())
+}
+
+#[test]
+fn every_shader_is_valid_for_every_set_of_definitions() {
+    let mut composer = composer();
+    for entry in entries() {
+        if let Err(error) = composer.compose_all(&entry) {
+            panic!("{error}");
+        }
+    }
+}
+
+#[test]
+fn every_shader_and_definition_is_tried() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let entries = entries();
+    let files: Vec<&Entry> = entries
+        .iter()
+        .filter(|entry| entry.file != "reader.wgsl")
+        .collect();
+    assert_eq!(list_faults(&source, &files, LIBRARIES), [""; 0]);
+    assert_ne!(list_faults(&source, &files, &[]), [""; 0]);
+}
+
+/// `types.wgsl` by itself.
+fn types_module(source: &str) -> naga::Module {
+    let source: String = source
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    naga::front::wgsl::parse_str(&source).expect("types.wgsl")
+}
+
+#[test]
+fn constants_agree() {
+    let module = types_module(TYPES);
+    let mut found = u32_constants(&module);
+    // The one constant that is no u32 is `INWARD_SHIFT`.
+    assert_eq!(found.len() + 1, module.constants.len());
+    let (_, shift) = module
+        .constants
+        .iter()
+        .find(|(_, constant)| constant.name.as_deref() == Some("INWARD_SHIFT"))
+        .expect("INWARD_SHIFT");
+    assert!(matches!(
+        module.global_expressions[shift.init],
+        naga::Expression::Literal(naga::Literal::F32(value)) if value == INWARD_SHIFT
+    ));
+    for (name, value) in [
+        ("BRICK_EDGE", BRICK_EDGE),
+        ("BRICK_VOXELS", BRICK_VOXELS),
+        ("PAGE_RECORDS", PAGE_RECORDS),
+        ("FACES", FACES),
+        ("MOST_CASCADES", MOST_CASCADES),
+        ("MOST_LEVELS", MOST_LEVELS),
+        ("SMALLEST_TAIL", SMALLEST_TAIL),
+        ("MOST_PAGES", MOST_PAGES),
+        ("NO_OWNER", NO_OWNER),
+        ("BRICK_PENDING", BRICK_PENDING),
+        ("ONE_SURFACE", ONE_SURFACE),
+        ("INSTANCE_TWO_SIDED", INSTANCE_TWO_SIDED),
+        ("INSTANCE_MIRRORED", INSTANCE_MIRRORED),
+        ("CLUSTER_TRIANGLES", CLUSTER_TRIANGLES),
+    ] {
+        assert_eq!(found.remove(name), Some(value), "{name}");
+    }
+    assert_eq!(BRICK_VOXELS, BRICK_EDGE.pow(3));
+    // What is left are the counters.
+    assert_eq!(found.len(), COUNTER_NAMES.len(), "{found:?}");
+    for (constant, index) in found {
+        let word = constant
+            .strip_prefix("COUNTER_")
+            .unwrap_or_else(|| panic!("not compared: {constant}"))
+            .to_lowercase();
+        let name = COUNTER_NAMES[index as usize];
+        assert!(
+            name.split(' ').any(|part| part == word),
+            "{constant} = {index}: {name}"
+        );
+    }
+}
+
+/// [`layout_fault`] of a value of a struct in `source`.
+fn fault<T: ShaderType + encase::internal::WriteInto>(
+    source: &str,
+    name: &str,
+    value: &T,
+    fields: &[(&str, u32)],
+) -> Option<String> {
+    let mut buffer = encase::StorageBuffer::new(Vec::<u8>::new());
+    buffer.write(value).expect("a write to memory");
+    let module = types_module(source);
+    layout_fault(&module, name, T::min_size().get(), buffer.as_ref(), fields)
+}
+
+fn x(value: f32) -> Vec3 {
+    Vec3::new(value, 0.0, 0.0)
+}
+
+fn bits(value: f32) -> u32 {
+    value.to_bits()
+}
+
+fn marked_level() -> (GpuVoxelLevel, Vec<(&'static str, u32)>) {
+    let level = GpuVoxelLevel {
+        anchor: x(1.0),
+        voxel_size: 2.0,
+        origin: IVec3::new(3, 0, 0),
+        bricks: 4,
+        first_slot: 5,
+        finer: 6,
+        pad_a: 7,
+        pad_b: 8,
+    };
+    let fields = vec![
+        ("anchor", bits(1.0)),
+        ("voxel_size", bits(2.0)),
+        ("origin", 3),
+        ("bricks", 4),
+        ("first_slot", 5),
+        ("finer", 6),
+        ("pad_a", 7),
+        ("pad_b", 8),
+    ];
+    (level, fields)
+}
+
+#[test]
+fn structs_have_one_layout() {
+    let (level, fields) = marked_level();
+    assert_eq!(fault(TYPES, "VoxelLevel", &level, &fields), None);
+    let clipmap = GpuVoxelClipmap {
+        levels: [level; MOST_LEVELS as usize],
+        cascades: 11,
+        level_count: 12,
+        slots: 13,
+        pages: 14,
+    };
+    let fields = [
+        ("levels", bits(1.0)),
+        ("cascades", 11),
+        ("level_count", 12),
+        ("slots", 13),
+        ("pages", 14),
+    ];
+    assert_eq!(fault(TYPES, "VoxelClipmap", &clipmap, &fields), None);
+    let dirty = GpuDirtyBrick {
+        brick: IVec3::new(1, 0, 0),
+        level: 2,
+    };
+    let fields = [("brick", 1), ("level", 2)];
+    assert_eq!(fault(TYPES, "DirtyBrick", &dirty, &fields), None);
+    let instance = GpuVoxelInstance {
+        x_axis: x(1.0),
+        first_cluster: 2,
+        y_axis: x(3.0),
+        clusters: 4,
+        z_axis: x(5.0),
+        first_surface: 6,
+        offset: x(7.0),
+        albedo: 8,
+        cell: IVec3::new(9, 0, 0),
+        emission: 10,
+        low: x(11.0),
+        flags: 12,
+        high: x(13.0),
+        first_triangle: 14,
+    };
+    let fields = [
+        ("x_axis", bits(1.0)),
+        ("first_cluster", 2),
+        ("y_axis", bits(3.0)),
+        ("clusters", 4),
+        ("z_axis", bits(5.0)),
+        ("first_surface", 6),
+        ("offset", bits(7.0)),
+        ("albedo", 8),
+        ("cell", 9),
+        ("emission", 10),
+        ("low", bits(11.0)),
+        ("flags", 12),
+        ("high", bits(13.0)),
+        ("first_triangle", 14),
+    ];
+    assert_eq!(fault(TYPES, "VoxelInstance", &instance, &fields), None);
+    let cluster = GpuVoxelCluster {
+        low: x(1.0),
+        first_triangle: 2,
+        high: x(3.0),
+        triangles: 4,
+    };
+    let fields = [
+        ("low", bits(1.0)),
+        ("first_triangle", 2),
+        ("high", bits(3.0)),
+        ("triangles", 4),
+    ];
+    assert_eq!(fault(TYPES, "VoxelCluster", &cluster, &fields), None);
+}
+
+#[test]
+fn another_layout_is_noticed() {
+    let (level, fields) = marked_level();
+    let swapped = TYPES.replacen(
+        "anchor: vec3<f32>,\n    voxel_size: f32,",
+        "voxel_size: f32,\n    anchor: vec3<f32>,",
+        1,
+    );
+    assert_ne!(swapped, TYPES);
+    assert!(fault(&swapped, "VoxelLevel", &level, &fields).is_some());
+    let mut marks = fields;
+    marks[4].1 = 6;
+    assert!(fault(TYPES, "VoxelLevel", &level, &marks).is_some());
+}

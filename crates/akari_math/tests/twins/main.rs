@@ -18,6 +18,7 @@ mod sg;
 mod shadows;
 mod signals;
 mod special;
+mod voxel;
 mod weight_properties;
 mod weight_terms;
 mod weights;
@@ -43,6 +44,7 @@ fn table() -> Vec<Case> {
     cases.extend(noise::cases());
     cases.extend(filters::cases());
     cases.extend(shadows::cases());
+    cases.extend(voxel::cases());
     cases
 }
 

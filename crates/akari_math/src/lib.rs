@@ -104,4 +104,8 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         include_str!("voxel/packing.wgsl"),
     ),
     ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
+    (
+        "akari_math::voxel::coverage",
+        include_str!("voxel/coverage.wgsl"),
+    ),
 ];

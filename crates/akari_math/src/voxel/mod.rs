@@ -6,4 +6,5 @@
 
 pub mod brick;
 pub mod cone;
+pub mod coverage;
 pub mod packing;

@@ -13,7 +13,7 @@
 //! | `irradiance` | `u32` a face | indirect irradiance, the same; only with feedback |
 //! | `radiance` | `u32` a face | radiance that leaves, the same |
 //! | `page_owner` | `u32` a page | slot of its brick, and in the top two bits which of the brick's pages it is; `FREE_PAGE` if it is free |
-//! | `free_pages` | `i32` | how many are free, then their numbers |
+//! | `pool` | `i32` | counters, how many pages are free, how many were given back; then, from word [`POOL_HEADER`], the numbers of the free ones, and behind room for all pages, those given back |
 //!
 //! The voxel of rank r, that is the number of set bits below its own, has the record
 //! `page[r / 16] · 16 + r % 16`; face f of record k is element `6 k + f`. Faces 0 to 5 are +x, −x, +y, −y, +z, −z: the
@@ -149,7 +149,14 @@ pub struct GpuVoxelCluster {
 /// exactly on the boundary of two voxels belongs to the one on its solid side, and to no other.
 pub const INWARD_SHIFT: f32 = 1e-3;
 
-/// Counts that voxelization adds up over a frame; the last ones are a state.
+/// Words of the pool before its numbers.
+pub const POOL_HEADER: u32 = 8;
+/// Word of the pool that counts the pages that are free. Those before it are counters of a frame.
+pub const POOL_FREE: u32 = 5;
+/// Word of the pool that counts the pages that were given back, and are free from the next reclaiming on.
+pub const POOL_RETURNED: u32 = 6;
+
+/// Names of the first words of the pool: counts that add up over a frame, then the pages that are free.
 pub const COUNTER_NAMES: [&str; 6] = [
     "voxel bricks made",
     "voxel bricks with content",
@@ -158,3 +165,19 @@ pub const COUNTER_NAMES: [&str; 6] = [
     "voxel bricks without a page",
     "voxel pages free",
 ];
+
+/// What a dispatch works on.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct GpuVoxelJob {
+    /// First entry of its list.
+    pub first: u32,
+    /// Number of its entries.
+    pub count: u32,
+    /// Number of instances.
+    pub instances: u32,
+    /// Padding to 16 bytes.
+    pub pad: u32,
+}
+
+/// Bit of an entry of the list of released slots: something will be made there later.
+pub const RELEASE_PENDING: u32 = 1 << 31;

@@ -15,6 +15,10 @@ const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;
 const CLUSTER_TRIANGLES: u32 = 64u;
+const POOL_HEADER: u32 = 8u;
+const POOL_FREE: u32 = 5u;
+const POOL_RETURNED: u32 = 6u;
+const RELEASE_PENDING: u32 = 0x80000000u;
 const INWARD_SHIFT: f32 = 1e-3;
 
 struct VoxelLevel {
@@ -65,13 +69,19 @@ struct VoxelCluster {
     triangles: u32,
 }
 
-// Indices of the counters, in the order of COUNTER_NAMES in `types.rs`.
+struct VoxelJob {
+    first: u32,
+    count: u32,
+    instances: u32,
+    pad: u32,
+}
+
+// Words of the pool, in the order of COUNTER_NAMES in `types.rs`.
 const COUNTER_MADE: u32 = 0u;
 const COUNTER_CONTENT: u32 = 1u;
 const COUNTER_VOXELS: u32 = 2u;
 const COUNTER_CLIPPED: u32 = 3u;
 const COUNTER_WITHOUT: u32 = 4u;
-const COUNTER_FREE: u32 = 5u;
 
 // Slot of a brick of the world that `level` holds: toroidal, so that scrolling moves nothing.
 fn slot_of_brick(level: VoxelLevel, brick: vec3<i32>) -> u32 {

@@ -7,3 +7,4 @@
 pub mod brick;
 pub mod cone;
 pub mod packing;
+pub mod slice;

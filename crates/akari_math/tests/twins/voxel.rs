@@ -2,12 +2,13 @@
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, ulp_of, vec3};
 use akari_math::random;
-use akari_math::voxel::{brick, cone, packing};
+use akari_math::voxel::{brick, cone, packing, slice};
 use glam::{IVec3, UVec2, UVec3, Vec2, Vec3, Vec4};
 
 const BRICK: &str = "akari_math::voxel::brick";
 const PACKING: &str = "akari_math::voxel::packing";
 const CONE: &str = "akari_math::voxel::cone";
+const SLICE: &str = "akari_math::voxel::slice";
 const RANDOM: &str = "akari_math::random";
 
 fn mutation(module: &'static str, from: &'static str, to: &'static str) -> Mutation {
@@ -331,6 +332,68 @@ fn cones() -> Vec<Case> {
     ]
 }
 
+fn slices() -> Vec<Case> {
+    vec![Case {
+        module: SLICE,
+        functions: &["plane_slice_share", "plane_height_distribution", "slice_fullness"],
+        imports: "",
+        body: "let share = plane_slice_share(x_vec3(0u), x_vec3(3u));
+            y(0u, share); y(1u, slice_fullness(x(6u), x(7u))); y(2u, plane_height_distribution(x(3u), x(4u), x(5u)));",
+        inputs: 8,
+        outputs: 3,
+        twin: |x, y| {
+            y.push(slice::plane_slice_share(vec3(x, 0), vec3(x, 3)));
+            y.push(slice::slice_fullness(x[6], x[7]));
+            y.push(slice::plane_height_distribution(x[3], x[4], x[5]));
+        },
+        // By counting.
+        oracle: Some(|x, y| {
+            let steps = 200;
+            let axis = (0..3).max_by(|&a, &b| x[a].abs().total_cmp(&x[b].abs())).expect("three");
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let (mut inside, mut below) = (0, 0);
+            for i in 0..steps * steps {
+                let at = [((i % steps) as f64 + 0.5) / steps as f64, ((i / steps) as f64 + 0.5) / steps as f64];
+                let height = x[3 + axis] - (x[u] * (at[0] - x[3 + u]) + x[v] * (at[1] - x[3 + v])) / x[axis];
+                inside += u32::from((0.0..=1.0).contains(&height));
+                below += u32::from(x[4] * at[0] + x[5] * at[1] < x[3]);
+            }
+            let share = f64::from(steps * steps);
+            y.push(f64::from(inside) / share);
+            y.push(if x[7] < 0.02 { 1.0 } else { ((x[6] + 0.008) / x[7]).min(1.0) });
+            y.push(f64::from(below) / share);
+        }),
+        domains: vec![
+            domain("slanted planes", rows(911, 250, |r, row| {
+                let normal = loop {
+                    let normal = r.direction();
+                    // Both slopes above the least.
+                    if normal.abs().min_element() > 0.02 {
+                        break normal;
+                    }
+                };
+                push3(row, normal);
+                row.extend((0..5).map(|_| r.range(0.0, 1.0)));
+            }), absolute(1.2e-2), absolute(1e-3)),
+            domain("level planes", rows(912, 60, |r, row| {
+                let mut normal = [0.0; 3];
+                normal[(r.next() % 3) as usize] = if r.next() % 2 == 0 { 1.0 } else { -1.0 };
+                row.extend(normal);
+                row.extend((0..3).map(|_| r.range(0.02, 0.98)));
+                row.extend([r.range(0.0, 1.0), r.range(0.0, 0.04)]);
+            }), absolute(1.2e-2), absolute(1e-3)),
+        ],
+        mutations: vec![
+            mutation(SLICE, "x * x - below_p * below_p", "x * x - 0.9 * below_p * below_p"),
+            mutation(SLICE, "p = point.zxy;", "p = point.xyz;"),
+            mutation(SLICE, "side = select(1.0, -1.0, n.z < 0.0)", "side = 1.0"),
+            mutation(SLICE, "MIN_SHARE: f32 = 0.02", "MIN_SHARE: f32 = 0.2"),
+            mutation(SLICE, "if x <= 0.0", "if x <= 0.1"),
+            mutation(SLICE, "SHARE_SLACK: f32 = 0.008", "SHARE_SLACK: f32 = 0.1"),
+        ],
+    }]
+}
+
 fn random_numbers() -> Vec<Case> {
     vec![Case {
         module: RANDOM,
@@ -371,6 +434,7 @@ pub fn cases() -> Vec<Case> {
     let mut cases = bricks_and_records();
     cases.extend(records());
     cases.extend(cones());
+    cases.extend(slices());
     cases.extend(random_numbers());
     cases
 }

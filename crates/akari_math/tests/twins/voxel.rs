@@ -185,40 +185,48 @@ fn records() -> Vec<Case> {
         },
         Case {
             module: PACKING,
-            functions: &["voxel_surface_pack", "voxel_surface_unpack", "voxel_radiance_pack", "voxel_radiance_unpack"],
+            functions: &["voxel_surface_pack", "voxel_surface_unpack", "voxel_radiance_pack", "voxel_radiance_unpack", "share_pack", "share_unpack"],
             imports: "#import akari_math::voxel::packing::VoxelSurface",
-            body: "let surface = voxel_surface_unpack(voxel_surface_pack(VoxelSurface(x_vec3(0u), x(3u), x_vec3(4u))));
-                y_vec3(0u, surface.albedo); y(3u, surface.offset); y_vec3(4u, surface.normal);
-                let radiance = x_vec3(7u);
-                y_vec3(7u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec2<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));",
-            inputs: 10,
-            outputs: 10,
+            body: "let face = u32(x(12u));
+                let surface = voxel_surface_unpack(voxel_surface_pack(VoxelSurface(x_vec3(0u), x_vec3(3u), x_vec3(6u)), face), face);
+                y_vec3(0u, surface.albedo); y_vec3(3u, surface.centroid); y_vec3(6u, surface.normal);
+                let radiance = x_vec3(9u);
+                y_vec3(9u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec2<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));
+                y(12u, share_unpack(share_pack(x(3u), 7u), 7u));",
+            inputs: 13,
+            outputs: 13,
             twin: |x, y| {
-                let surface = packing::VoxelSurface { albedo: vec3(x, 0), offset: x[3], normal: vec3(x, 4) };
-                let surface = packing::voxel_surface_unpack(packing::voxel_surface_pack(surface));
+                let surface = packing::VoxelSurface { albedo: vec3(x, 0), centroid: vec3(x, 3), normal: vec3(x, 6) };
+                let face = x[12] as u32;
+                let surface = packing::voxel_surface_unpack(packing::voxel_surface_pack(surface, face), face);
                 push3(y, surface.albedo);
-                y.push(surface.offset);
+                push3(y, surface.centroid);
                 push3(y, surface.normal);
-                let radiance = vec3(x, 7);
+                let radiance = vec3(x, 9);
                 let back = packing::voxel_radiance_unpack(packing::voxel_radiance_pack(radiance, Vec2::splat(0.5)));
                 push3(y, back / radiance.element_sum());
+                y.push(packing::share_unpack(packing::share_pack(x[3], 7), 7));
             },
             oracle: Some(|x, y| {
                 y.extend(x[0..3].iter().map(|a| a.clamp(0.0, f64::from(packing::MAX_VOXEL_ALBEDO))));
-                y.extend_from_slice(&x[3..7]);
-                let sum: f64 = x[7..10].iter().sum();
-                y.extend(x[7..10].iter().map(|channel| channel / sum));
+                y.extend_from_slice(&x[3..9]);
+                let sum: f64 = x[9..12].iter().sum();
+                y.extend(x[9..12].iter().map(|channel| channel / sum));
+                y.push(x[3]);
             }),
             domains: vec![domain("surfaces", rows(904, 400, |r, row| {
-                row.extend((0..4).map(|_| r.range(0.0, 1.0)));
+                row.extend((0..6).map(|_| r.range(0.0, 1.0)));
                 push3(row, r.direction());
                 let radiance = r.direction().abs() * r.log_range(-2.0, 5.9);
                 push3(row, radiance);
-            }), absolute(4.5e-3), absolute(4.0e-3))],
+                row.push((r.next() % 6) as f32);
+            }), absolute(7e-3), absolute(8.5e-3))],
             mutations: vec![
                 mutation(PACKING, "MAX_VOXEL_ALBEDO: f32 = 0.95", "MAX_VOXEL_ALBEDO: f32 = 1.0"),
                 mutation(PACKING, "unorm_unpack(bits.x >> 24u)", "unorm_unpack(bits.x >> 16u)"),
                 mutation(PACKING, "radiance_pack(rgb / RADIANCE_UNIT", "radiance_pack(rgb"),
+                mutation(PACKING, "centroid = centroid.zxy", "centroid = centroid.yzx"),
+                mutation(PACKING, "cyclic = surface.centroid.zxy", "cyclic = surface.centroid.yzx"),
             ],
         },
     ]

@@ -7,7 +7,9 @@
     FREE_PAGE, PAGE_RECORDS, brick_of_slot, mask_count, mask_select, page_owner_rank, page_owner_slot, voxel_of_index,
 }
 #import akari_math::voxel::packing::{VoxelSurface, coverage_of_face, voxel_surface_unpack}
-#import akari_voxel_gi::trace::{bricks, clipmap, coverage, plane_coordinate, surface}
+#import akari_voxel_gi::trace::{
+    voxel_bricks, voxel_clipmap, voxel_coverage, voxel_surfaces,
+}
 
 struct VoxelFace {
     // Whether there is a voxel, and in it something that is turned to the face.
@@ -21,7 +23,7 @@ struct VoxelFace {
 }
 
 fn no_face() -> VoxelFace {
-    return VoxelFace(false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), 0.5, vec3(0.0, 0.0, 1.0)));
+    return VoxelFace(false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), vec3(0.5), vec3(0.0, 0.0, 1.0)));
 }
 
 // The face that the invocation `local` of the workgroup of `page` works for.
@@ -31,34 +33,28 @@ fn load_face(owner: u32, page: u32, local: u32) -> VoxelFace {
         return result;
     }
     let slot = page_owner_slot(owner);
-    let brick = bricks[slot];
+    let brick = voxel_bricks[slot];
     let rank = PAGE_RECORDS * page_owner_rank(owner) + local / 6u;
     if rank >= mask_count(brick.xy) {
         return result;
     }
     result.record = PAGE_RECORDS * page + local / 6u;
     result.face = local % 6u;
-    let covered = coverage[result.record];
+    let covered = voxel_coverage[result.record];
     if coverage_of_face(covered, result.face) == 0.0 {
         return result;
     }
     var level = 0u;
-    while level + 1u < clipmap.level_count && slot >= clipmap.levels[level + 1u].first_slot {
+    while level + 1u < voxel_clipmap.level_count && slot >= voxel_clipmap.levels[level + 1u].first_slot {
         level++;
     }
-    let place = clipmap.levels[level];
+    let place = voxel_clipmap.levels[level];
     let voxel = 4 * (brick_of_slot(slot - place.first_slot, place.origin, place.bricks) - place.origin)
         + vec3<i32>(voxel_of_index(mask_select(brick.xy, rank)));
     result.valid = true;
     result.level = level;
-    result.surface = voxel_surface_unpack(surface[6u * result.record + result.face]);
-    let normal = result.surface.normal;
-    let point = vec3(
-        plane_coordinate(result.record, covered, 0u, normal.x),
-        plane_coordinate(result.record, covered, 1u, normal.y),
-        plane_coordinate(result.record, covered, 2u, normal.z),
-    );
-    result.position = (vec3<f32>(voxel) + point) * place.voxel_size - place.anchor;
+    result.surface = voxel_surface_unpack(voxel_surfaces[6u * result.record + result.face], result.face);
+    result.position = (vec3<f32>(voxel) + result.surface.centroid) * place.voxel_size - place.anchor;
     return result;
 }
 

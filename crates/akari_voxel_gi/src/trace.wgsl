@@ -15,17 +15,17 @@
 #import akari_math::random::{random_hash, random_unit}
 #import akari_math::voxel::brick::{mask_holds, mask_rank, record_index, voxel_index}
 #import akari_math::voxel::packing::{
-    coverage_of_face, unorm_unpack, voxel_radiance_unpack, voxel_surface_unpack,
+    VoxelSurface, coverage_of_face, voxel_radiance_unpack, voxel_surface_unpack,
 }
 #import akari_math::voxel::slice::{plane_slice_share, slice_fullness}
 #import akari_voxel_gi::types::{BRICK_PENDING, VoxelClipmap, slot_of_brick}
 
-@group(#{VOXEL_GROUP}) @binding(0) var<uniform> clipmap: VoxelClipmap;
-@group(#{VOXEL_GROUP}) @binding(1) var<storage, read> bricks: array<vec4<u32>>;
-@group(#{VOXEL_GROUP}) @binding(2) var<storage, read> coverage: array<vec2<u32>>;
-@group(#{VOXEL_GROUP}) @binding(3) var<storage, read> surface: array<vec2<u32>>;
+@group(#{VOXEL_GROUP}) @binding(0) var<uniform> voxel_clipmap: VoxelClipmap;
+@group(#{VOXEL_GROUP}) @binding(1) var<storage, read> voxel_bricks: array<vec4<u32>>;
+@group(#{VOXEL_GROUP}) @binding(2) var<storage, read> voxel_coverage: array<vec2<u32>>;
+@group(#{VOXEL_GROUP}) @binding(3) var<storage, read> voxel_surfaces: array<vec2<u32>>;
 #ifdef TRACE_RADIANCE
-@group(#{VOXEL_GROUP}) @binding(4) var<storage, read> radiance: array<u32>;
+@group(#{VOXEL_GROUP}) @binding(4) var<storage, read> voxel_radiance: array<u32>;
 #endif
 
 // Steps after which a ray is given up: more than any level has voxels along a diagonal.
@@ -40,6 +40,10 @@ const CROSSING_SLACK: f32 = 0.02;
 // one that it starts on.
 const OWN_DISTANCE: f32 = 1.5;
 const OWN_COSINE: f32 = 0.7;
+// Planes whose normals have a larger cosine are one, or the two sides of one.
+const SAME_COSINE: f32 = 0.9;
+// Distance of a centroid from another plane, in voxels, from which on its side is known in spite of roundings.
+const SIDE_SLACK: f32 = 0.02;
 // Smallest cosine at which a plane is met.
 const MIN_COSINE: f32 = 1e-4;
 // Stands in for the reciprocal of a component that is (almost) 0.
@@ -72,13 +76,13 @@ struct VoxelTrace {
 
 // Whether a position, in voxels from the low corner of a level, is inside.
 fn inside_level(level: u32, position: vec3<f32>) -> bool {
-    let edge = f32(clipmap.levels[level].bricks * 4u);
+    let edge = f32(voxel_clipmap.levels[level].bricks * 4u);
     return all(position >= vec3(0.0)) && all(position < vec3(edge));
 }
 
 // In voxels from the low corner of a level, of a position relative to the anchor.
 fn level_position(level: u32, position: vec3<f32>) -> vec3<f32> {
-    return (clipmap.levels[level].anchor + position) / clipmap.levels[level].voxel_size;
+    return (voxel_clipmap.levels[level].anchor + position) / voxel_clipmap.levels[level].voxel_size;
 }
 
 struct VoxelCrossing {
@@ -87,15 +91,6 @@ struct VoxelCrossing {
     radiance: vec3<f32>,
     // Distance from the entry, in voxels.
     at: f32,
-}
-
-// The centroid's coordinate along an axis of what has `side` (component of its normal).
-fn plane_coordinate(record: u32, covered: vec2<u32>, axis: u32, side: f32) -> f32 {
-    let face = 2u * axis + select(0u, 1u, side < 0.0);
-    if coverage_of_face(covered, face) == 0.0 {
-        return 0.5;
-    }
-    return unorm_unpack(surface[6u * record + face].x >> 24u);
 }
 
 // Coverage by what has `normal`, of the face that it is turned to most.
@@ -114,29 +109,29 @@ fn plane_coverage(covered: vec2<u32>, normal: vec3<f32>) -> f32 {
 // Radiance of a face, from a voxel at up to half a voxel from where it was met: in the mean over rays, this is the
 // linear interpolation between voxels.
 fn smooth_radiance(level: u32, voxel: vec3<i32>, record: u32, face: u32, met: vec3<f32>, seed: u32) -> vec3<f32> {
-    let own = voxel_radiance_unpack(radiance[6u * record + face]);
+    let own = voxel_radiance_unpack(voxel_radiance[6u * record + face]);
     let random = random_hash(vec3(seed, record, face));
     let jitter = vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z)) - 0.5;
     let other = vec3<i32>(floor(met + jitter));
-    if all(other == voxel) || any(other < vec3(0)) || any(other >= vec3(i32(clipmap.levels[level].bricks) * 4)) {
+    if all(other == voxel) || any(other < vec3(0)) || any(other >= vec3(i32(voxel_clipmap.levels[level].bricks) * 4)) {
         return own;
     }
-    let brick = bricks[slot_of_brick(clipmap.levels[level], clipmap.levels[level].origin + (other >> vec3(2u)))];
+    let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (other >> vec3(2u)))];
     let index = voxel_index(vec3<u32>(other & vec3(3)));
     if !mask_holds(brick.xy, index) {
         return own;
     }
     let neighbour = record_index(brick.zw, mask_rank(brick.xy, index));
-    if coverage_of_face(coverage[neighbour], face) == 0.0 {
+    if coverage_of_face(voxel_coverage[neighbour], face) == 0.0 {
         return own;
     }
-    return voxel_radiance_unpack(radiance[6u * neighbour + face]);
+    return voxel_radiance_unpack(voxel_radiance[6u * neighbour + face]);
 }
 #endif
 
 // What a ray meets in a voxel whose low corner is at `low`, between `entry` and `span` voxels from there.
 fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: vec3<f32>, span: f32, travelled: f32) -> VoxelCrossing {
-    let covered = coverage[record];
+    let covered = voxel_coverage[record];
     var result = VoxelCrossing(1.0, vec3(0.0), 0.0);
 #ifdef PLAIN_CONES
     // One opacity for all directions and one colour for all faces, by the length of the path; the start is kept clear
@@ -148,7 +143,7 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
         let part = coverage_of_face(covered, face);
         opacity = max(opacity, part);
 #ifdef TRACE_RADIANCE
-        light += part * voxel_radiance_unpack(radiance[6u * record + face]);
+        light += part * voxel_radiance_unpack(voxel_radiance[6u * record + face]);
 #endif
         faces += part;
     }
@@ -162,22 +157,24 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
     return result;
 #else
     let position = entry - vec3<f32>(low);
+    var planes: array<VoxelSurface, 6>;
+    for (var face = 0u; face < 6u; face++) {
+        if coverage_of_face(covered, face) > 0.0 {
+            planes[face] = voxel_surface_unpack(voxel_surfaces[6u * record + face], face);
+        }
+    }
     var weights = 0.0;
     var depth = 0.0;
     for (var face = 0u; face < 6u; face++) {
         if coverage_of_face(covered, face) == 0.0 {
             continue;
         }
-        let normal = voxel_surface_unpack(surface[6u * record + face]).normal;
+        let normal = planes[face].normal;
+        let point = planes[face].centroid;
         let cosine = -dot(normal, ray.direction);
         if cosine < MIN_COSINE {
             continue;
         }
-        let point = vec3(
-            plane_coordinate(record, covered, 0u, normal.x),
-            plane_coordinate(record, covered, 1u, normal.y),
-            plane_coordinate(record, covered, 2u, normal.z),
-        );
         let at = dot(position - point, normal) / cosine;
         if at < -CROSSING_SLACK || at > span + CROSSING_SLACK || travelled + at <= 0.0 {
             continue;
@@ -185,16 +182,35 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
         if travelled + at < OWN_DISTANCE && dot(normal, ray.normal) > OWN_COSINE {
             continue;
         }
-        let fullness = slice_fullness(plane_coverage(covered, normal), plane_slice_share(normal, point));
+        // Where planes meet in the voxel, at an edge or in a corner, each of them ends at the other, and lies on the
+        // side of it on which its centroid is.
+        let met = position + at * ray.direction;
+        var share = plane_slice_share(normal, point);
+        var beyond = false;
+        for (var other = 0u; other < 6u; other++) {
+            if coverage_of_face(covered, other) == 0.0 || abs(dot(planes[other].normal, normal)) > SAME_COSINE {
+                continue;
+            }
+            let side = dot(point - planes[other].centroid, planes[other].normal);
+            if abs(side) > SIDE_SLACK {
+                beyond = beyond || dot(met - planes[other].centroid, planes[other].normal) * sign(side) < -CROSSING_SLACK;
+                // What fills its side up to the other plane has its centroid in the middle of it.
+                share *= min(2.0 * abs(side), 1.0);
+            }
+        }
+        if beyond {
+            continue;
+        }
+        let fullness = slice_fullness(plane_coverage(covered, normal), share);
         // The faces that a plane is turned to share it: the squares of its normal's components add up to 1.
         let component = normal[face >> 1u];
-        let share = component * component;
+        let part = component * component;
         if fullness > 0.996 {
-            result.transmittance *= select(1.0, 0.0, share > 0.01);
+            result.transmittance *= select(1.0, 0.0, part > 0.01);
         } else {
-            result.transmittance *= pow(1.0 - fullness, share);
+            result.transmittance *= pow(1.0 - fullness, part);
         }
-        let weight = fullness * share;
+        let weight = fullness * part;
         weights += weight;
         depth += weight * at;
 #ifdef TRACE_RADIANCE
@@ -228,24 +244,24 @@ fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
         let relative = ray.origin + t * ray.direction;
         let width = 2.0 * t * ray.tangent;
         // A level is left for a coarser one and never gone back to.
-        while level < clipmap.level_count
-            && (2.0 * clipmap.levels[level].voxel_size <= width && level + 1u < clipmap.level_count
+        while level < voxel_clipmap.level_count
+            && (2.0 * voxel_clipmap.levels[level].voxel_size <= width && level + 1u < voxel_clipmap.level_count
                 || !inside_level(level, level_position(level, relative))) {
             level++;
         }
-        if level >= clipmap.level_count {
+        if level >= voxel_clipmap.level_count {
             break;
         }
         // What is not yet known here may be known to a coarser level.
         var here = level;
         var position = level_position(here, relative);
         var brick = brick_at(here, position);
-        while brick.w == BRICK_PENDING && all(brick.xy == vec2(0u)) && here + 1u < clipmap.level_count {
+        while brick.w == BRICK_PENDING && all(brick.xy == vec2(0u)) && here + 1u < voxel_clipmap.level_count {
             here++;
             position = level_position(here, relative);
             brick = brick_at(here, position);
         }
-        let size = clipmap.levels[here].voxel_size;
+        let size = voxel_clipmap.levels[here].voxel_size;
         if all(brick.xy == vec2(0u)) {
             let exits = (4.0 * (floor(0.25 * position) + ahead) - position) * reciprocal;
             t += size * (max(min(min(exits.x, exits.y), exits.z), 0.0) + STEP_BEYOND);
@@ -281,5 +297,5 @@ fn brick_at(level: u32, position: vec3<f32>) -> vec4<u32> {
         return vec4(0u);
     }
     let brick = vec3<i32>(floor(0.25 * position));
-    return bricks[slot_of_brick(clipmap.levels[level], clipmap.levels[level].origin + brick)];
+    return voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + brick)];
 }

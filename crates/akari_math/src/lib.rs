@@ -105,4 +105,8 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ),
     ("akari_math::voxel::slice", include_str!("voxel/slice.wgsl")),
     ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
+    (
+        "akari_math::voxel::coverage",
+        include_str!("voxel/coverage.wgsl"),
+    ),
 ];

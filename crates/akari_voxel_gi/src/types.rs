@@ -7,13 +7,13 @@
 //! | buffer | element | holds |
 //! |---|---|---|
 //! | `bricks` | `vec4<u32>` a slot | x, y: 64-bit mask of occupied voxels, bit `x + 4 y + 16 z`; z, w: four 16-bit page numbers, low half first |
-//! | `opacity` | `u32` a record | unorm8 x, y, z: share of the voxel's cross-section along that axis that is covered |
-//! | `surface` | `vec2<u32>` a face | albedo (unorm8 × 3) and coverage of the face (unorm8, top byte); mean normal of what faces it, octahedral 2 × snorm16 |
-//! | `emission` | `u32` a face | radiance, rgb9e5; only where a mesh shines that is no area light |
-//! | `irradiance` | `u32` a face | indirect irradiance, rgb9e5; only with feedback |
-//! | `radiance` | `u32` a face | radiance that leaves, rgb9e5 |
-//! | `page_owner` | `u32` a page | slot of its brick, and in the top two bits which of the brick's pages it is; [`NO_OWNER`] if it is free |
-//! | `free_pages` | `u32` | how many are free, then their numbers |
+//! | `coverage` | `vec2<u32>` a record | share of the voxel's cross-section that is turned to each of the six faces (`akari_math::voxel::packing::coverage_pack`) |
+//! | `surface` | `vec2<u32>` a face | albedo, centroid along the face's axis, mean normal of what faces it (`voxel_surface_pack`) |
+//! | `emission` | `u32` a face | radiance, `voxel_radiance_pack`; only where a mesh shines that is no area light |
+//! | `irradiance` | `u32` a face | indirect irradiance, the same; only with feedback |
+//! | `radiance` | `u32` a face | radiance that leaves, the same |
+//! | `page_owner` | `u32` a page | slot of its brick, and in the top two bits which of the brick's pages it is; `FREE_PAGE` if it is free |
+//! | `pool` | `i32` | counters, how many pages are free, how many were given back; then, from word [`POOL_HEADER`], the numbers of the free ones, and behind room for all pages, those given back |
 //!
 //! The voxel of rank r, that is the number of set bits below its own, has the record
 //! `page[r / 16] · 16 + r % 16`; face f of record k is element `6 k + f`. Faces 0 to 5 are +x, −x, +y, −y, +z, −z: the
@@ -22,12 +22,8 @@
 use bevy::math::{IVec3, Vec3};
 use bevy::render::render_resource::ShaderType;
 
-/// Voxels along each edge of a brick.
-pub const BRICK_EDGE: u32 = 4;
 /// Voxels of a brick, and invocations that share one.
 pub const BRICK_VOXELS: u32 = 64;
-/// Voxel records of a page.
-pub const PAGE_RECORDS: u32 = 16;
 /// Faces of a voxel.
 pub const FACES: u32 = 6;
 /// Most cascades of a clipmap.
@@ -38,8 +34,6 @@ pub const MOST_LEVELS: u32 = 10;
 pub const SMALLEST_TAIL: u32 = 8;
 /// Most pages: their numbers have 16 bits.
 pub const MOST_PAGES: u32 = 65_535;
-/// Owner of a page that is free.
-pub const NO_OWNER: u32 = u32::MAX;
 /// Fourth word of a brick with mask 0 of which nothing is known yet: it was scrolled in and waits to be voxelized. A
 /// coarser level may know more. (No page has the number 65,535, so that no other brick has this word.)
 pub const BRICK_PENDING: u32 = u32::MAX;
@@ -116,7 +110,7 @@ pub struct GpuVoxelInstance {
     pub albedo: u32,
     /// Cell of its origin, in bricks of the coarsest cascade.
     pub cell: IVec3,
-    /// Radiance, rgb9e5, if there is no table.
+    /// Radiance (`voxel_radiance_pack`), if there is no table.
     pub emission: u32,
     /// Low corner of its bounds, relative to the cell's low corner, metres.
     pub low: Vec3,
@@ -155,7 +149,14 @@ pub struct GpuVoxelCluster {
 /// exactly on the boundary of two voxels belongs to the one on its solid side, and to no other.
 pub const INWARD_SHIFT: f32 = 1e-3;
 
-/// Counts that voxelization adds up over a frame; the last ones are a state.
+/// Words of the pool before its numbers.
+pub const POOL_HEADER: u32 = 8;
+/// Word of the pool that counts the pages that are free. Those before it are counters of a frame.
+pub const POOL_FREE: u32 = 5;
+/// Word of the pool that counts the pages that were given back, and are free from the next reclaiming on.
+pub const POOL_RETURNED: u32 = 6;
+
+/// Names of the first words of the pool: counts that add up over a frame, then the pages that are free.
 pub const COUNTER_NAMES: [&str; 6] = [
     "voxel bricks made",
     "voxel bricks with content",
@@ -164,3 +165,19 @@ pub const COUNTER_NAMES: [&str; 6] = [
     "voxel bricks without a page",
     "voxel pages free",
 ];
+
+/// What a dispatch works on.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct GpuVoxelJob {
+    /// First entry of its list.
+    pub first: u32,
+    /// Number of its entries.
+    pub count: u32,
+    /// Number of instances.
+    pub instances: u32,
+    /// Padding to 16 bytes.
+    pub pad: u32,
+}
+
+/// Bit of an entry of the list of released slots: something will be made there later.
+pub const RELEASE_PENDING: u32 = 1 << 31;

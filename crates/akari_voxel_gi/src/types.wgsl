@@ -2,20 +2,23 @@
 
 // What the GPU reads and writes, as in `types.rs`, where it is explained.
 
-const BRICK_EDGE: u32 = 4u;
+#import akari_math::voxel::brick::brick_slot
+
 const BRICK_VOXELS: u32 = 64u;
-const PAGE_RECORDS: u32 = 16u;
 const FACES: u32 = 6u;
 const MOST_CASCADES: u32 = 5u;
 const MOST_LEVELS: u32 = 10u;
 const SMALLEST_TAIL: u32 = 8u;
 const MOST_PAGES: u32 = 65535u;
-const NO_OWNER: u32 = 0xffffffffu;
 const BRICK_PENDING: u32 = 0xffffffffu;
 const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;
 const CLUSTER_TRIANGLES: u32 = 64u;
+const POOL_HEADER: u32 = 8u;
+const POOL_FREE: u32 = 5u;
+const POOL_RETURNED: u32 = 6u;
+const RELEASE_PENDING: u32 = 0x80000000u;
 const INWARD_SHIFT: f32 = 1e-3;
 
 struct VoxelLevel {
@@ -66,17 +69,21 @@ struct VoxelCluster {
     triangles: u32,
 }
 
-// Indices of the counters, in the order of COUNTER_NAMES in `types.rs`.
+struct VoxelJob {
+    first: u32,
+    count: u32,
+    instances: u32,
+    pad: u32,
+}
+
+// Words of the pool, in the order of COUNTER_NAMES in `types.rs`.
 const COUNTER_MADE: u32 = 0u;
 const COUNTER_CONTENT: u32 = 1u;
 const COUNTER_VOXELS: u32 = 2u;
 const COUNTER_CLIPPED: u32 = 3u;
 const COUNTER_WITHOUT: u32 = 4u;
-const COUNTER_FREE: u32 = 5u;
 
-/// Slot of a brick of the world that `level` holds: toroidal, so that scrolling moves nothing.
+// Slot of a brick of the world that `level` holds: toroidal, so that scrolling moves nothing.
 fn slot_of_brick(level: VoxelLevel, brick: vec3<i32>) -> u32 {
-    // `bricks` is a power of two: the low bits of two's complement are the remainder, of negative numbers too.
-    let wrapped = vec3<u32>(brick) & vec3(level.bricks - 1u);
-    return level.first_slot + wrapped.x + level.bricks * (wrapped.y + level.bricks * wrapped.z);
+    return level.first_slot + brick_slot(brick, level.bricks);
 }

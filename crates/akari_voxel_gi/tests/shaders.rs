@@ -15,29 +15,46 @@ use shader_composer::{Composer, Entry, choices, list_faults};
 const TYPES: &str = include_str!("../src/types.wgsl");
 
 /// Modules of this crate that the entry shaders import.
-const LIBRARIES: &[(&str, &str)] = &[("types.wgsl", TYPES)];
+const LIBRARIES: &[(&str, &str)] = &[
+    ("types.wgsl", TYPES),
+    ("store.wgsl", include_str!("../src/store.wgsl")),
+];
 
-/// What an importer of the types may ask for.
-fn reader() -> Entry {
+fn voxelize() -> Entry {
     Entry {
-        file: "reader.wgsl",
-        source: "
-#import akari_voxel_gi::types::{VoxelClipmap, slot_of_brick}
-
-@group(0) @binding(0) var<uniform> clipmap: VoxelClipmap;
-@group(0) @binding(1) var<storage, read_write> slots: array<u32>;
-
-@compute @workgroup_size(64, 1, 1)
-fn read(@builtin(global_invocation_id) id: vec3<u32>) {
-    slots[id.x] = slot_of_brick(clipmap.levels[0], vec3<i32>(id));
-}",
-        entry_point: "read",
-        definitions: choices(&[]),
+        file: "voxelize.wgsl",
+        source: include_str!("../src/voxelize.wgsl"),
+        entry_point: "voxelize",
+        definitions: choices(&[&[&[], &["EMISSIVE"]], &[&[], &["FEEDBACK"]]]),
     }
 }
 
-fn entries() -> [Entry; 1] {
-    [reader()]
+fn mips() -> Entry {
+    Entry {
+        file: "mips.wgsl",
+        source: include_str!("../src/mips.wgsl"),
+        entry_point: "downsample",
+        definitions: choices(&[&[&[], &["EMISSIVE"]], &[&[], &["FEEDBACK"]]]),
+    }
+}
+
+fn release(definition: &'static str, entry_point: &'static str) -> Entry {
+    Entry {
+        file: "release.wgsl",
+        source: include_str!("../src/release.wgsl"),
+        entry_point,
+        definitions: vec![vec![definition]],
+    }
+}
+
+fn entries() -> [Entry; 5] {
+    [
+        voxelize(),
+        mips(),
+        release("RELEASE", "release"),
+        release("RECLAIM", "reclaim"),
+        release("COUNT", "count"),
+    ]
 }
 
 fn composer() -> Composer {
@@ -57,19 +74,40 @@ fn every_shader_is_valid_for_every_set_of_definitions() {
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let entries = entries();
-    let files: Vec<&Entry> = entries
-        .iter()
-        .filter(|entry| entry.file != "reader.wgsl")
-        .collect();
-    assert_eq!(list_faults(&source, &files, LIBRARIES), [""; 0]);
-    assert_ne!(list_faults(&source, &files, &[]), [""; 0]);
+    let faults = list_faults(&source, &entries().each_ref(), LIBRARIES);
+    assert_eq!(faults, [""; 0]);
+    let silent = Entry {
+        definitions: vec![vec![]],
+        ..voxelize()
+    };
+    let faults = list_faults(&source, &[&silent], LIBRARIES);
+    for missing in ["EMISSIVE", "mips.wgsl"] {
+        assert!(
+            faults.iter().any(|fault| fault.contains(missing)),
+            "{faults:?}"
+        );
+    }
 }
 
-/// `types.wgsl` by itself.
+/// What is wrong under one set of definitions only, is found under that one.
+#[test]
+fn wrong_shaders_are_noticed() {
+    let mut composer = composer();
+    let source = voxelize().source;
+    let wrong = source.replacen("vote(lane, reaches)", "vote(lane, 1.0)", 1);
+    assert_ne!(wrong, source);
+    assert!(composer.compose("a.wgsl", wrong, &[]).is_err());
+    let wrong = source.replacen("weight * shine", "weight + vec2(1.0)", 1);
+    assert_ne!(wrong, source);
+    assert!(composer.compose("b.wgsl", wrong.clone(), &[]).is_ok());
+    assert!(composer.compose("b.wgsl", wrong, &["EMISSIVE"]).is_err());
+}
+
+/// `types.wgsl` by itself, up to its function, which imports another.
 fn types_module(source: &str) -> naga::Module {
     let source: String = source
         .lines()
+        .take_while(|line| !line.starts_with("// Slot of a brick"))
         .filter(|line| !line.starts_with('#'))
         .flat_map(|line| [line, "\n"])
         .collect();
@@ -92,26 +130,28 @@ fn constants_agree() {
         naga::Expression::Literal(naga::Literal::F32(value)) if value == INWARD_SHIFT
     ));
     for (name, value) in [
-        ("BRICK_EDGE", BRICK_EDGE),
         ("BRICK_VOXELS", BRICK_VOXELS),
-        ("PAGE_RECORDS", PAGE_RECORDS),
         ("FACES", FACES),
         ("MOST_CASCADES", MOST_CASCADES),
         ("MOST_LEVELS", MOST_LEVELS),
         ("SMALLEST_TAIL", SMALLEST_TAIL),
         ("MOST_PAGES", MOST_PAGES),
-        ("NO_OWNER", NO_OWNER),
         ("BRICK_PENDING", BRICK_PENDING),
         ("ONE_SURFACE", ONE_SURFACE),
         ("INSTANCE_TWO_SIDED", INSTANCE_TWO_SIDED),
         ("INSTANCE_MIRRORED", INSTANCE_MIRRORED),
         ("CLUSTER_TRIANGLES", CLUSTER_TRIANGLES),
+        ("POOL_HEADER", POOL_HEADER),
+        ("POOL_FREE", POOL_FREE),
+        ("POOL_RETURNED", POOL_RETURNED),
+        ("RELEASE_PENDING", RELEASE_PENDING),
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
-    assert_eq!(BRICK_VOXELS, BRICK_EDGE.pow(3));
-    // What is left are the counters.
-    assert_eq!(found.len(), COUNTER_NAMES.len(), "{found:?}");
+    assert_eq!(BRICK_VOXELS, akari_math::voxel::brick::BRICK_EDGE.pow(3));
+    // What is left are the counters; the last name is that of `POOL_FREE`.
+    assert_eq!(COUNTER_NAMES.len() as u32, POOL_FREE + 1);
+    assert_eq!(found.len() as u32, POOL_FREE, "{found:?}");
     for (constant, index) in found {
         let word = constant
             .strip_prefix("COUNTER_")
@@ -228,6 +268,14 @@ fn structs_have_one_layout() {
         ("first_triangle", 14),
     ];
     assert_eq!(fault(TYPES, "VoxelInstance", &instance, &fields), None);
+    let job = GpuVoxelJob {
+        first: 1,
+        count: 2,
+        instances: 3,
+        pad: 4,
+    };
+    let fields = [("first", 1), ("count", 2), ("instances", 3), ("pad", 4)];
+    assert_eq!(fault(TYPES, "VoxelJob", &job, &fields), None);
     let cluster = GpuVoxelCluster {
         low: x(1.0),
         first_triangle: 2,

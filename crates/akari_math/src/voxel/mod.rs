@@ -6,5 +6,6 @@
 
 pub mod brick;
 pub mod cone;
+pub mod coverage;
 pub mod packing;
 pub mod slice;

@@ -19,6 +19,7 @@ mod shadows;
 mod signals;
 mod special;
 mod voxel;
+mod voxel_coverage;
 mod weight_properties;
 mod weight_terms;
 mod weights;
@@ -45,6 +46,7 @@ fn table() -> Vec<Case> {
     cases.extend(filters::cases());
     cases.extend(shadows::cases());
     cases.extend(voxel::cases());
+    cases.extend(voxel_coverage::cases());
     cases
 }
 

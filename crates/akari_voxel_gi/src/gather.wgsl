@@ -6,8 +6,9 @@
 
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
 #import akari_voxel_gi::diffuse::gather_diffuse
-#import akari_voxel_gi::lighting::{UNKNOWN, lighting, page_owner}
+#import akari_voxel_gi::lighting::{lighting, page_owner}
 #import akari_voxel_gi::records::{dither, load_face}
+#import akari_voxel_gi::types::UNKNOWN_IRRADIANCE
 
 @group(0) @binding(4) var<storage, read_write> irradiance: array<u32>;
 
@@ -27,7 +28,7 @@ fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         vec2(element, 0u), lighting.frame,
     );
     var mean = light.irradiance;
-    if irradiance[element] != UNKNOWN {
+    if irradiance[element] != UNKNOWN_IRRADIANCE {
         let before = voxel_radiance_unpack(irradiance[element]);
         mean = before + lighting.rate * (light.irradiance - before);
     }

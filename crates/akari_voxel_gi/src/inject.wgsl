@@ -8,9 +8,10 @@
 #import akari_math::random::{random_hash, random_sequence}
 #import akari_math::special::safe_normalize
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
-#import akari_voxel_gi::lighting::{UNKNOWN, lighting, page_owner}
+#import akari_voxel_gi::lighting::{lighting, page_owner}
 #import akari_voxel_gi::records::{VoxelFace, dither, load_face}
 #import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap}
+#import akari_voxel_gi::types::UNKNOWN_IRRADIANCE
 
 // Four vectors a light, then corners of polygons. See `lights.rs`.
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
@@ -147,7 +148,7 @@ fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         }
     }
 #ifdef FEEDBACK
-    if irradiance[element] != UNKNOWN {
+    if irradiance[element] != UNKNOWN_IRRADIANCE {
         received += voxel_radiance_unpack(irradiance[element]);
     }
 #endif

@@ -26,6 +26,3 @@ struct VoxelLighting {
 
 @group(0) @binding(0) var<uniform> lighting: VoxelLighting;
 @group(0) @binding(1) var<storage, read> page_owner: array<u32>;
-
-// Value of an irradiance that nothing was gathered for yet.
-const UNKNOWN: u32 = 0xffffffffu;

@@ -94,7 +94,8 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         } else {
             normal = face_direction(face);
         }
-        areas[face] = area;
+        // As in voxelization: rounded to the nearest step, 0 too.
+        areas[face] = select(area, 0.0, area < LEAST_COVERAGE);
         most = max(most, area);
         record.surface[face] = voxel_surface_pack(VoxelSurface(albedo * scale, place * scale, normal), face);
 #ifdef EMISSIVE

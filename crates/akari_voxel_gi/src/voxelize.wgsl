@@ -247,6 +247,8 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     for (var face = 0u; face < 6u; face += 1u) {
         let area = sums.area[face];
         most = max(most, area);
+        // Rounded to the nearest step, 0 too: packing would round what is above 0 up, which adds up.
+        sums.area[face] = select(area, 0.0, area < LEAST_COVERAGE);
         let scale = 1.0 / max(area, 1e-20);
         let axis = face >> 1u;
         var normal = sums.normal[face];

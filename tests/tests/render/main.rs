@@ -6,3 +6,4 @@ mod denoise;
 mod lights;
 mod shadows;
 mod stability;
+mod voxels;

@@ -103,6 +103,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         "akari_math::voxel::packing",
         include_str!("voxel/packing.wgsl"),
     ),
+    ("akari_math::voxel::slice", include_str!("voxel/slice.wgsl")),
     ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
     (
         "akari_math::voxel::coverage",

@@ -55,7 +55,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         var area = 0.0;
         var albedo = vec3<f32>(0.0);
         var normal = vec3<f32>(0.0);
-        var place = 0.0;
+        var place = vec3<f32>(0.0);
 #ifdef EMISSIVE
         var shine = vec3<f32>(0.0);
 #endif
@@ -74,11 +74,13 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 let facing = coverage_of_face(bits, face);
                 // Over the four rows: a quarter of the cross-section each.
                 let weight = 0.25 * seen * facing;
-                let part = voxel_surface_unpack(surface[6u * from_record + face]);
+                let part = voxel_surface_unpack(surface[6u * from_record + face], face);
                 area += weight;
                 albedo += weight * part.albedo;
                 normal += weight * part.normal;
-                place += weight * 0.5 * (part.offset + select(0.0, 1.0, bit != 0u));
+                let child = row | bit;
+                let corner = vec3<f32>(vec3<u32>(child & 1u, (child >> 1u) & 1u, child >> 2u));
+                place += weight * 0.5 * (part.centroid + corner);
 #ifdef EMISSIVE
                 shine += weight * voxel_radiance_unpack(emission[6u * from_record + face]);
 #endif
@@ -95,7 +97,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         // As in voxelization: rounded to the nearest step, 0 too.
         areas[face] = select(area, 0.0, area < LEAST_COVERAGE);
         most = max(most, area);
-        record.surface[face] = voxel_surface_pack(VoxelSurface(albedo * scale, place * scale, normal));
+        record.surface[face] = voxel_surface_pack(VoxelSurface(albedo * scale, place * scale, normal), face);
 #ifdef EMISSIVE
         record.emission[face] = voxel_radiance_pack(shine * scale, vec2<f32>(0.5));
 #endif

@@ -7,7 +7,7 @@
 }
 #import akari_voxel_gi::types::{
     COUNTER_CONTENT, COUNTER_MADE, COUNTER_VOXELS, COUNTER_WITHOUT, DirtyBrick, POOL_FREE, POOL_HEADER, POOL_RETURNED,
-    VoxelClipmap, VoxelJob,
+    UNKNOWN_IRRADIANCE,    VoxelClipmap, VoxelJob,
 }
 
 @group(0) @binding(0) var<uniform> clipmap: VoxelClipmap;
@@ -99,7 +99,10 @@ fn store_brick(lane: u32, slot: u32, occupied: bool, record: VoxelRecord) {
         atomicStore(&occupied_bits[1], 0u);
     }
 #ifdef FEEDBACK
-    var kept = array<u32, 6>(0u, 0u, 0u, 0u, 0u, 0u);
+    var kept = array<u32, 6>(
+        UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE,
+        UNKNOWN_IRRADIANCE,
+    );
     if mask_holds(old.xy, lane) {
         let from_record = record_index(old.zw, mask_rank(old.xy, lane));
         for (var face = 0u; face < 6u; face += 1u) {

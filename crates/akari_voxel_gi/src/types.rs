@@ -38,6 +38,9 @@ pub const MOST_PAGES: u32 = 65_535;
 /// coarser level may know more. (No page has the number 65,535, so that no other brick has this word.)
 pub const BRICK_PENDING: u32 = u32::MAX;
 
+/// Value of an irradiance that nothing was gathered for yet.
+pub const UNKNOWN_IRRADIANCE: u32 = u32::MAX;
+
 /// One level of the clipmap: a cascade or a tail.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
 pub struct GpuVoxelLevel {

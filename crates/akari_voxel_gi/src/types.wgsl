@@ -11,6 +11,8 @@ const MOST_LEVELS: u32 = 10u;
 const SMALLEST_TAIL: u32 = 8u;
 const MOST_PAGES: u32 = 65535u;
 const BRICK_PENDING: u32 = 0xffffffffu;
+// Value of an irradiance that nothing was gathered for yet.
+const UNKNOWN_IRRADIANCE: u32 = 0xffffffffu;
 const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;

@@ -73,7 +73,7 @@ struct Sums {
     area: array<f32, 6>,
     albedo: array<vec3<f32>, 6>,
     normal: array<vec3<f32>, 6>,
-    place: array<f32, 6>,
+    place: array<vec3<f32>, 6>,
 #ifdef EMISSIVE
     emission: array<vec3<f32>, 6>,
 #endif
@@ -81,7 +81,7 @@ struct Sums {
 
 var<private> sums: Sums;
 
-fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: f32, shine: vec3<f32>) {
+fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: vec3<f32>, shine: vec3<f32>) {
     sums.area[face] += weight;
     sums.albedo[face] += weight * albedo;
     sums.normal[face] += weight * normal;
@@ -120,10 +120,10 @@ fn add_triangle(index: u32, voxel: vec3<f32>) {
 #else
     let shine = vec3<f32>(0.0);
 #endif
+    let place = clamp(covered.centroid, vec3<f32>(0.0), vec3<f32>(1.0));
     for (var axis = 0u; axis < 3u; axis += 1u) {
         let weight = abs(covered.area[axis]) * there;
         let face = 2u * axis + select(0u, 1u, covered.area[axis] < 0.0);
-        let place = clamp(covered.centroid[axis], 0.0, 1.0);
         add_to_face(face, weight, albedo, unit, place, shine);
         if two_sided {
             add_to_face(face ^ 1u, weight, albedo, -unit, place, shine);
@@ -261,6 +261,7 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         }
         record.surface[face] = voxel_surface_pack(
             VoxelSurface(sums.albedo[face] * scale, sums.place[face] * scale, normal),
+            face,
         );
 #ifdef EMISSIVE
         record.emission[face] = voxel_radiance_pack(sums.emission[face] * scale, vec2<f32>(0.5));

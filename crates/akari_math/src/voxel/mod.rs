@@ -8,3 +8,4 @@ pub mod brick;
 pub mod cone;
 pub mod coverage;
 pub mod packing;
+pub mod slice;

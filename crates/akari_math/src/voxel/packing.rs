@@ -5,7 +5,7 @@
 //!
 //! WGSL module: `akari_math::voxel::packing`.
 
-use crate::octahedral::{octahedral_pack, octahedral_unpack};
+use crate::octahedral::{octahedral_decode, octahedral_encode};
 use crate::signal_packing::{radiance_pack, radiance_unpack};
 use glam::{UVec2, Vec2, Vec3};
 
@@ -89,36 +89,63 @@ pub fn face_direction(face: u32) -> Vec3 {
 pub struct VoxelSurface {
     /// Share of light that is reflected, as if all of it diffusely; at most [`MAX_VOXEL_ALBEDO`].
     pub albedo: Vec3,
-    /// Where the area's centroid lies along the axis of the face, from 0 at the voxel's low side to 1 at the high one.
-    pub offset: f32,
+    /// The area's centroid in the voxel, from 0 at its low corner to 1 at its high one.
+    pub centroid: Vec3,
     /// Unit mean normal.
     pub normal: Vec3,
 }
 
-/// A surface in two words: albedo and offset in 8 bits each, albedo's red lowest; normal, octahedral.
+/// A number of `[0, 1]` in `bits` bits; 0 and 1 exactly.
 #[must_use]
-pub fn voxel_surface_pack(surface: VoxelSurface) -> UVec2 {
+pub fn share_pack(x: f32, bits: u32) -> u32 {
+    (x.max(0.0).min(1.0) * ((1_u32 << bits) - 1) as f32 + 0.5).floor() as u32
+}
+
+/// The number in the low `bits` bits.
+#[must_use]
+pub fn share_unpack(word: u32, bits: u32) -> f32 {
+    let last = (1_u32 << bits) - 1;
+    (word & last) as f32 / last as f32
+}
+
+/// The surface of face 0 to 5 in two words: albedo, red lowest, and the centroid's coordinate along the face's axis in
+/// 8 bits each; normal, octahedral 2 × 9 bits (within 6e-3 rad), and the other two coordinates, cyclically, in 7 bits
+/// each.
+#[must_use]
+pub fn voxel_surface_pack(surface: VoxelSurface, face: u32) -> UVec2 {
     let albedo = surface.albedo.min(Vec3::splat(MAX_VOXEL_ALBEDO));
+    let axis = (face >> 1) as usize;
+    let normal = octahedral_encode(surface.normal) * 0.5 + 0.5;
     UVec2::new(
         unorm_pack(albedo.x)
             | (unorm_pack(albedo.y) << 8)
             | (unorm_pack(albedo.z) << 16)
-            | (unorm_pack(surface.offset) << 24),
-        octahedral_pack(surface.normal),
+            | (unorm_pack(surface.centroid[axis]) << 24),
+        share_pack(normal.x, 9)
+            | (share_pack(normal.y, 9) << 9)
+            | (share_pack(surface.centroid[(axis + 1) % 3], 7) << 18)
+            | (share_pack(surface.centroid[(axis + 2) % 3], 7) << 25),
     )
 }
 
 /// The surface of [`voxel_surface_pack`].
 #[must_use]
-pub fn voxel_surface_unpack(bits: UVec2) -> VoxelSurface {
+pub fn voxel_surface_unpack(bits: UVec2, face: u32) -> VoxelSurface {
+    let axis = (face >> 1) as usize;
+    let mut centroid = Vec3::ZERO;
+    centroid[axis] = unorm_unpack(bits.x >> 24);
+    centroid[(axis + 1) % 3] = share_unpack(bits.y >> 18, 7);
+    centroid[(axis + 2) % 3] = share_unpack(bits.y >> 25, 7);
     VoxelSurface {
         albedo: Vec3::new(
             unorm_unpack(bits.x),
             unorm_unpack(bits.x >> 8),
             unorm_unpack(bits.x >> 16),
         ),
-        offset: unorm_unpack(bits.x >> 24),
-        normal: octahedral_unpack(bits.y),
+        centroid,
+        normal: octahedral_decode(
+            Vec2::new(share_unpack(bits.y, 9), share_unpack(bits.y >> 9, 9)) * 2.0 - 1.0,
+        ),
     }
 }
 

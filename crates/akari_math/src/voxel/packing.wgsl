@@ -2,7 +2,7 @@
 
 // Twin: `voxel/packing.rs`, where the formats are. Change both or neither.
 
-#import akari_math::octahedral::{octahedral_pack, octahedral_unpack}
+#import akari_math::octahedral::{octahedral_decode, octahedral_encode}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 
 const UNORM_MAX: f32 = 255.0;
@@ -69,27 +69,56 @@ fn face_direction(face: u32) -> vec3<f32> {
 // What is turned to one face of a voxel.
 struct VoxelSurface {
     albedo: vec3<f32>,
-    // Where the area's centroid lies along the axis of the face, from 0 at the low side to 1 at the high one.
-    offset: f32,
+    // The area's centroid in the voxel, from 0 at its low corner to 1 at its high one.
+    centroid: vec3<f32>,
     normal: vec3<f32>,
 }
 
-fn voxel_surface_pack(surface: VoxelSurface) -> vec2<u32> {
+// A number of [0, 1] in so many bits.
+fn share_pack(x: f32, bits: u32) -> u32 {
+    return u32(floor(clamp(x, 0.0, 1.0) * f32((1u << bits) - 1u) + 0.5));
+}
+
+fn share_unpack(word: u32, bits: u32) -> f32 {
+    let last = (1u << bits) - 1u;
+    return f32(word & last) / f32(last);
+}
+
+// The surface of a face in two words.
+fn voxel_surface_pack(surface: VoxelSurface, face: u32) -> vec2<u32> {
     let albedo = min(surface.albedo, vec3<f32>(MAX_VOXEL_ALBEDO));
+    let axis = face >> 1u;
+    let normal = octahedral_encode(surface.normal) * 0.5 + 0.5;
+    var cyclic = surface.centroid;
+    if axis == 1u {
+        cyclic = surface.centroid.yzx;
+    } else if axis == 2u {
+        cyclic = surface.centroid.zxy;
+    }
     return vec2<u32>(
         unorm_pack(albedo.x)
             | (unorm_pack(albedo.y) << 8u)
             | (unorm_pack(albedo.z) << 16u)
-            | (unorm_pack(surface.offset) << 24u),
-        octahedral_pack(surface.normal),
+            | (unorm_pack(cyclic.x) << 24u),
+        share_pack(normal.x, 9u)
+            | (share_pack(normal.y, 9u) << 9u)
+            | (share_pack(cyclic.y, 7u) << 18u)
+            | (share_pack(cyclic.z, 7u) << 25u),
     );
 }
 
-fn voxel_surface_unpack(bits: vec2<u32>) -> VoxelSurface {
+fn voxel_surface_unpack(bits: vec2<u32>, face: u32) -> VoxelSurface {
+    let axis = face >> 1u;
+    var centroid = vec3<f32>(unorm_unpack(bits.x >> 24u), share_unpack(bits.y >> 18u, 7u), share_unpack(bits.y >> 25u, 7u));
+    if axis == 1u {
+        centroid = centroid.zxy;
+    } else if axis == 2u {
+        centroid = centroid.yzx;
+    }
     return VoxelSurface(
         vec3<f32>(unorm_unpack(bits.x), unorm_unpack(bits.x >> 8u), unorm_unpack(bits.x >> 16u)),
-        unorm_unpack(bits.x >> 24u),
-        octahedral_unpack(bits.y),
+        centroid,
+        octahedral_decode(vec2<f32>(share_unpack(bits.y, 9u), share_unpack(bits.y >> 9u, 9u)) * 2.0 - 1.0),
     );
 }
 

@@ -2,12 +2,13 @@
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, ulp_of, vec3};
 use akari_math::random;
-use akari_math::voxel::{brick, cone, packing};
+use akari_math::voxel::{brick, cone, packing, slice};
 use glam::{IVec3, UVec2, UVec3, Vec2, Vec3, Vec4};
 
 const BRICK: &str = "akari_math::voxel::brick";
 const PACKING: &str = "akari_math::voxel::packing";
 const CONE: &str = "akari_math::voxel::cone";
+const SLICE: &str = "akari_math::voxel::slice";
 const RANDOM: &str = "akari_math::random";
 
 fn mutation(module: &'static str, from: &'static str, to: &'static str) -> Mutation {
@@ -184,40 +185,48 @@ fn records() -> Vec<Case> {
         },
         Case {
             module: PACKING,
-            functions: &["voxel_surface_pack", "voxel_surface_unpack", "voxel_radiance_pack", "voxel_radiance_unpack"],
+            functions: &["voxel_surface_pack", "voxel_surface_unpack", "voxel_radiance_pack", "voxel_radiance_unpack", "share_pack", "share_unpack"],
             imports: "#import akari_math::voxel::packing::VoxelSurface",
-            body: "let surface = voxel_surface_unpack(voxel_surface_pack(VoxelSurface(x_vec3(0u), x(3u), x_vec3(4u))));
-                y_vec3(0u, surface.albedo); y(3u, surface.offset); y_vec3(4u, surface.normal);
-                let radiance = x_vec3(7u);
-                y_vec3(7u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec2<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));",
-            inputs: 10,
-            outputs: 10,
+            body: "let face = u32(x(12u));
+                let surface = voxel_surface_unpack(voxel_surface_pack(VoxelSurface(x_vec3(0u), x_vec3(3u), x_vec3(6u)), face), face);
+                y_vec3(0u, surface.albedo); y_vec3(3u, surface.centroid); y_vec3(6u, surface.normal);
+                let radiance = x_vec3(9u);
+                y_vec3(9u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec2<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));
+                y(12u, share_unpack(share_pack(x(3u), 7u), 7u));",
+            inputs: 13,
+            outputs: 13,
             twin: |x, y| {
-                let surface = packing::VoxelSurface { albedo: vec3(x, 0), offset: x[3], normal: vec3(x, 4) };
-                let surface = packing::voxel_surface_unpack(packing::voxel_surface_pack(surface));
+                let surface = packing::VoxelSurface { albedo: vec3(x, 0), centroid: vec3(x, 3), normal: vec3(x, 6) };
+                let face = x[12] as u32;
+                let surface = packing::voxel_surface_unpack(packing::voxel_surface_pack(surface, face), face);
                 push3(y, surface.albedo);
-                y.push(surface.offset);
+                push3(y, surface.centroid);
                 push3(y, surface.normal);
-                let radiance = vec3(x, 7);
+                let radiance = vec3(x, 9);
                 let back = packing::voxel_radiance_unpack(packing::voxel_radiance_pack(radiance, Vec2::splat(0.5)));
                 push3(y, back / radiance.element_sum());
+                y.push(packing::share_unpack(packing::share_pack(x[3], 7), 7));
             },
             oracle: Some(|x, y| {
                 y.extend(x[0..3].iter().map(|a| a.clamp(0.0, f64::from(packing::MAX_VOXEL_ALBEDO))));
-                y.extend_from_slice(&x[3..7]);
-                let sum: f64 = x[7..10].iter().sum();
-                y.extend(x[7..10].iter().map(|channel| channel / sum));
+                y.extend_from_slice(&x[3..9]);
+                let sum: f64 = x[9..12].iter().sum();
+                y.extend(x[9..12].iter().map(|channel| channel / sum));
+                y.push(x[3]);
             }),
             domains: vec![domain("surfaces", rows(904, 400, |r, row| {
-                row.extend((0..4).map(|_| r.range(0.0, 1.0)));
+                row.extend((0..6).map(|_| r.range(0.0, 1.0)));
                 push3(row, r.direction());
                 let radiance = r.direction().abs() * r.log_range(-2.0, 5.9);
                 push3(row, radiance);
-            }), absolute(4.5e-3), absolute(4.0e-3))],
+                row.push((r.next() % 6) as f32);
+            }), absolute(7e-3), absolute(8.5e-3))],
             mutations: vec![
                 mutation(PACKING, "MAX_VOXEL_ALBEDO: f32 = 0.95", "MAX_VOXEL_ALBEDO: f32 = 1.0"),
                 mutation(PACKING, "unorm_unpack(bits.x >> 24u)", "unorm_unpack(bits.x >> 16u)"),
                 mutation(PACKING, "radiance_pack(rgb / RADIANCE_UNIT", "radiance_pack(rgb"),
+                mutation(PACKING, "centroid = centroid.zxy", "centroid = centroid.yzx"),
+                mutation(PACKING, "cyclic = surface.centroid.zxy", "cyclic = surface.centroid.yzx"),
             ],
         },
     ]
@@ -331,6 +340,68 @@ fn cones() -> Vec<Case> {
     ]
 }
 
+fn slices() -> Vec<Case> {
+    vec![Case {
+        module: SLICE,
+        functions: &["plane_slice_share", "plane_height_distribution", "slice_fullness"],
+        imports: "",
+        body: "let share = plane_slice_share(x_vec3(0u), x_vec3(3u));
+            y(0u, share); y(1u, slice_fullness(x(6u), x(7u))); y(2u, plane_height_distribution(x(3u), x(4u), x(5u)));",
+        inputs: 8,
+        outputs: 3,
+        twin: |x, y| {
+            y.push(slice::plane_slice_share(vec3(x, 0), vec3(x, 3)));
+            y.push(slice::slice_fullness(x[6], x[7]));
+            y.push(slice::plane_height_distribution(x[3], x[4], x[5]));
+        },
+        // By counting.
+        oracle: Some(|x, y| {
+            let steps = 200;
+            let axis = (0..3).max_by(|&a, &b| x[a].abs().total_cmp(&x[b].abs())).expect("three");
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let (mut inside, mut below) = (0, 0);
+            for i in 0..steps * steps {
+                let at = [((i % steps) as f64 + 0.5) / steps as f64, ((i / steps) as f64 + 0.5) / steps as f64];
+                let height = x[3 + axis] - (x[u] * (at[0] - x[3 + u]) + x[v] * (at[1] - x[3 + v])) / x[axis];
+                inside += u32::from((0.0..=1.0).contains(&height));
+                below += u32::from(x[4] * at[0] + x[5] * at[1] < x[3]);
+            }
+            let share = f64::from(steps * steps);
+            y.push(f64::from(inside) / share);
+            y.push(if x[7] < 0.02 { 1.0 } else { ((x[6] + 0.008) / x[7]).min(1.0) });
+            y.push(f64::from(below) / share);
+        }),
+        domains: vec![
+            domain("slanted planes", rows(911, 250, |r, row| {
+                let normal = loop {
+                    let normal = r.direction();
+                    // Both slopes above the least.
+                    if normal.abs().min_element() > 0.02 {
+                        break normal;
+                    }
+                };
+                push3(row, normal);
+                row.extend((0..5).map(|_| r.range(0.0, 1.0)));
+            }), absolute(1.2e-2), absolute(1e-3)),
+            domain("level planes", rows(912, 60, |r, row| {
+                let mut normal = [0.0; 3];
+                normal[(r.next() % 3) as usize] = if r.next() % 2 == 0 { 1.0 } else { -1.0 };
+                row.extend(normal);
+                row.extend((0..3).map(|_| r.range(0.02, 0.98)));
+                row.extend([r.range(0.0, 1.0), r.range(0.0, 0.04)]);
+            }), absolute(1.2e-2), absolute(1e-3)),
+        ],
+        mutations: vec![
+            mutation(SLICE, "x * x - below_p * below_p", "x * x - 0.9 * below_p * below_p"),
+            mutation(SLICE, "p = point.zxy;", "p = point.xyz;"),
+            mutation(SLICE, "side = select(1.0, -1.0, n.z < 0.0)", "side = 1.0"),
+            mutation(SLICE, "MIN_SHARE: f32 = 0.02", "MIN_SHARE: f32 = 0.2"),
+            mutation(SLICE, "if x <= 0.0", "if x <= 0.1"),
+            mutation(SLICE, "SHARE_SLACK: f32 = 0.008", "SHARE_SLACK: f32 = 0.1"),
+        ],
+    }]
+}
+
 fn random_numbers() -> Vec<Case> {
     vec![Case {
         module: RANDOM,
@@ -371,6 +442,7 @@ pub fn cases() -> Vec<Case> {
     let mut cases = bricks_and_records();
     cases.extend(records());
     cases.extend(cones());
+    cases.extend(slices());
     cases.extend(random_numbers());
     cases
 }

@@ -195,6 +195,8 @@ impl Work {
 pub struct Clipmap {
     shape: ClipmapShape,
     origins: Vec<IVec3>,
+    /// Slot of the first brick of each level.
+    first_slots: Vec<u32>,
     camera: DVec3,
     placed: bool,
     frame: u32,
@@ -213,6 +215,9 @@ impl Clipmap {
         Self {
             shape,
             origins: vec![IVec3::ZERO; shape.levels() as usize],
+            first_slots: (0..shape.levels())
+                .map(|level| shape.first_slot(level))
+                .collect(),
             camera: DVec3::ZERO,
             placed: false,
             frame: 1,
@@ -241,7 +246,8 @@ impl Clipmap {
 
     /// Slot of a brick that a level holds.
     pub fn slot(&self, level: u32, brick: IVec3) -> u32 {
-        self.shape.first_slot(level) + brick_slot(brick, self.shape.bricks(level))
+        let first = self.first_slots[level as usize];
+        first + brick_slot(brick, self.shape.bricks(level))
     }
 
     /// Moves with the camera (a position in the world, metres). Returns the bricks that entered; whoever knows what is in
@@ -385,13 +391,12 @@ impl Clipmap {
         }
     }
 
-    /// Brick, and index of its cascade, in a slot.
+    /// Brick, and index of its cascade, in a slot of a cascade.
     fn brick_of(&self, slot: u32) -> GpuDirtyBrick {
-        let mut level = 0;
-        while slot >= self.shape.first_slot(level + 1) {
-            level += 1;
-        }
-        let within = slot - self.shape.first_slot(level);
+        // The cascades, whose slots alone wait, have the same number of bricks.
+        let per_cascade = self.shape.bricks(0).pow(3);
+        let level = slot / per_cascade;
+        let within = slot % per_cascade;
         let bricks = self.shape.bricks(level);
         GpuDirtyBrick {
             brick: akari_math::voxel::brick::brick_of_slot(within, self.origin(level), bricks),
@@ -413,7 +418,12 @@ impl Clipmap {
             .min(self.queue.len());
         let mut queue = std::mem::take(&mut self.queue);
         if count < queue.len() && count > 0 {
-            queue.select_nth_unstable_by_key(count - 1, |&slot| (self.urgency(slot), slot));
+            let mut ranked: Vec<(u32, u32)> = queue
+                .iter()
+                .map(|&slot| (self.urgency(slot), slot))
+                .collect();
+            ranked.select_nth_unstable(count - 1);
+            queue = ranked.into_iter().map(|(_, slot)| slot).collect();
         }
         let rest = queue.split_off(count);
         let mut work = Work::default();

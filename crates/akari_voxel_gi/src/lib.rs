@@ -9,7 +9,7 @@
 //!
 //! **Inputs**: meshes, materials and transforms of the scene. Meshes have to keep their data in the main world
 //! ([`RenderAssetUsages::MAIN_WORLD`](bevy::asset::RenderAssetUsages), the default). Skinned meshes are posed on the CPU;
-//! morph targets are not.
+//! morph targets are not. Render layers and visibility ranges are not looked at.
 //!
 //! **Cost**: nothing unless a camera has [`VoxelGi`](settings::VoxelGi), a mesh is opaque and lit, and something shines.
 //! Otherwise memory of a fixed size (`GpuLedger` tells it, 36 to 44 bytes a triangle among it), and time for the bricks

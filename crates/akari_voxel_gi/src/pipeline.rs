@@ -7,7 +7,7 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-use bevy::shader::ShaderDefVal;
+use bevy::shader::{Shader, ShaderDefVal};
 
 /// Label of the passes that release bricks and pages, and of their time span.
 pub const RELEASE_LABEL: &str = "akari_voxel_gi_release";
@@ -106,7 +106,7 @@ impl VoxelizePipelines {
             &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read,)),
         );
         let queue = |label: &'static str,
-                     shader: Handle<bevy::shader::Shader>,
+                     shader: Handle<Shader>,
                      group: Option<&BindGroupLayoutDescriptor>,
                      definition: Option<&'static str>| {
             let mut shader_defs = key.definitions();

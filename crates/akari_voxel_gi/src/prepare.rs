@@ -548,15 +548,15 @@ pub fn prepare_voxel_work(
     };
     let buffers = &mut *buffers;
     buffers.worked = false;
-    if pipelines.key != buffers.key || pipelines.ready(&cache).is_none() {
-        return;
-    }
+    // What was touched before there was content is filled in with all the rest.
     let touched = std::mem::take(&mut scene.touched);
-    // What was touched before there was a clipmap is filled in with all the rest.
     if buffers.filled {
         for (low, high) in touched {
             buffers.clipmap.touch(low, high);
         }
+    }
+    if pipelines.key != buffers.key || pipelines.ready(&cache).is_none() {
+        return;
     }
     for entered in buffers.clipmap.follow(view.camera) {
         let size = buffers.clipmap.shape().brick_size(entered.cascade);
@@ -573,7 +573,7 @@ pub fn prepare_voxel_work(
         }
     }
     buffers.filled = true;
-    let work = buffers.clipmap.take(view.settings.bricks_per_frame);
+    let work = buffers.clipmap.take(view.settings.brick_cap());
     ledger.set_counter("voxel bricks waiting", work.waiting as u64);
     buffers.write_uniform(&queue);
     let shape = *buffers.clipmap.shape();

@@ -4,6 +4,7 @@ use crate::EFFECT;
 use crate::geometry::{Bounds, MeshGeometry};
 use crate::settings::VoxelGi;
 use crate::surfaces::{MeshSurface, is_voxelized, mesh_surface};
+use akari_render::emission::ShinesAsAreaLight;
 use akari_render::prelude::*;
 use bevy::ecs::query::QueryItem;
 use bevy::light::NotShadowCaster;
@@ -151,6 +152,7 @@ type MeshQuery = (
     Option<&'static SkinnedMesh>,
     Has<NotVoxelized>,
     Has<NotShadowCaster>,
+    Has<ShinesAsAreaLight>,
 );
 type MeshChanged = Or<(
     Changed<Mesh3d>,
@@ -160,6 +162,7 @@ type MeshChanged = Or<(
     Changed<SkinnedMesh>,
     Added<NotVoxelized>,
     Added<NotShadowCaster>,
+    Added<ShinesAsAreaLight>,
 )>;
 
 /// What is read of the main world.
@@ -184,6 +187,7 @@ pub struct MainEvents<'w, 's> {
     removed_materials:
         Extract<'w, 's, RemovedComponents<'static, 'static, MeshMaterial3d<StandardMaterial>>>,
     removed_marks: Extract<'w, 's, RemovedComponents<'static, 'static, NotVoxelized>>,
+    removed_lights: Extract<'w, 's, RemovedComponents<'static, 'static, ShinesAsAreaLight>>,
     removed_casters: Extract<'w, 's, RemovedComponents<'static, 'static, NotShadowCaster>>,
     meshes: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<Mesh>>>,
     materials: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<StandardMaterial>>>,
@@ -212,6 +216,7 @@ pub fn extract_scene(
         .chain(events.removed_materials.read())
         .chain(events.removed_marks.read())
         .chain(events.removed_casters.read())
+        .chain(events.removed_lights.read())
         .collect();
     let meshes: HashSet<_> = events.meshes.read().filter_map(changed_asset).collect();
     let materials: HashSet<_> = events.materials.read().filter_map(changed_asset).collect();
@@ -273,7 +278,7 @@ pub fn extract_scene(
 
 /// Brings one entity up to date.
 fn update(scene: &mut VoxelScene, main: &MainScene, entity: Entity, item: QueryItem<MeshQuery>) {
-    let (mesh, material, transform, visibility, skin, excluded, casts_none) = item;
+    let (mesh, material, transform, visibility, skin, excluded, casts_none, elsewhere) = item;
     if excluded || casts_none || !visibility.get() {
         scene.remove(entity);
         return;
@@ -313,11 +318,11 @@ fn update(scene: &mut VoxelScene, main: &MainScene, entity: Entity, item: QueryI
             }
         },
     };
-    let surface_key = (mesh_id, material_id, false);
+    let surface_key = (mesh_id, material_id, elsewhere);
     let surface = match scene.surfaces.get(&surface_key) {
         Some(surface) => surface.clone(),
         None => {
-            let surface = mesh_surface(Some(mesh), &geometry, material, &main.images, false);
+            let surface = mesh_surface(Some(mesh), &geometry, material, &main.images, elsewhere);
             let surface = Arc::new(surface);
             scene.surfaces.insert(surface_key, surface.clone());
             surface

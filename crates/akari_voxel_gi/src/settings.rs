@@ -39,6 +39,11 @@ impl VoxelGi {
     pub fn page_count(&self) -> u32 {
         self.pages.clamp(FEWEST_PAGES, MOST_PAGES)
     }
+
+    /// Most bricks to make in a frame.
+    pub fn brick_cap(&self) -> u32 {
+        self.bricks_per_frame.clamp(1, MOST_BRICKS)
+    }
 }
 
 const FEWEST_PAGES: u32 = 1024;

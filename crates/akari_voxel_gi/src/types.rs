@@ -17,7 +17,8 @@
 //!
 //! The voxel of rank r, that is the number of set bits below its own, has the record
 //! `page[r / 16] · 16 + r % 16`; face f of record k is element `6 k + f`. Faces 0 to 5 are +x, −x, +y, −y, +z, −z: the
-//! direction that light leaves to.
+//! direction that light leaves to. Coverage is 1 at most: of surfaces that lie behind each other within a voxel and are
+//! turned to the same face, what is over 1 is lost.
 
 use bevy::math::{IVec3, Vec3};
 use bevy::render::render_resource::ShaderType;

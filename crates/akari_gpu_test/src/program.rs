@@ -95,7 +95,10 @@ impl Words {
     /// # Panics
     /// If there are more words than the buffer holds.
     pub fn write(&self, gpu: &Gpu, words: &[u32]) {
-        assert!(words.len() <= self.words, "more words than the buffer holds");
+        assert!(
+            words.len() <= self.words,
+            "more words than the buffer holds"
+        );
         gpu.queue
             .write_buffer(&self.buffer, 0, bytemuck::cast_slice(words));
     }

@@ -7,7 +7,7 @@
 }
 #import akari_voxel_gi::types::{
     COUNTER_CONTENT, COUNTER_MADE, COUNTER_VOXELS, COUNTER_WITHOUT, DirtyBrick, POOL_FREE, POOL_HEADER, POOL_RETURNED,
-    UNKNOWN_IRRADIANCE,    VoxelClipmap, VoxelJob,
+    UNKNOWN_IRRADIANCE, VoxelClipmap, VoxelJob,
 }
 
 @group(0) @binding(0) var<uniform> clipmap: VoxelClipmap;

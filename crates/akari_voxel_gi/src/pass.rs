@@ -1,7 +1,7 @@
 //! The passes of a frame, before any camera: release, make from triangles, make tails.
 
 use crate::pipeline::{MIPS_LABEL, RELEASE_LABEL, VOXELIZE_LABEL, VoxelizePipelines};
-use crate::prepare::{FrameCommands, VoxelBuffers, VoxelFrame};
+use crate::prepare::{FrameCommands, VoxelFrame};
 use crate::types::POOL_FREE;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
@@ -15,16 +15,18 @@ const RELEASE_WORKGROUP: u32 = 64;
 /// Records what [`VoxelFrame`] says.
 pub fn voxelize(
     frame: Res<VoxelFrame>,
-    buffers: Option<Res<VoxelBuffers>>,
     pipelines: Option<Res<VoxelizePipelines>>,
     cache: Res<PipelineCache>,
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
 ) {
-    let (Some(commands), Some(buffers), Some(pipelines)) = (&frame.commands, buffers, pipelines)
-    else {
+    let (Some(commands), Some(pipelines)) = (&frame.commands, pipelines) else {
         return;
     };
+    // Pipelines may have been replaced since the commands were made: the buffers were, too, and begin anew.
+    if commands.key != pipelines.key {
+        return;
+    }
     let Some(ready) = pipelines.ready(&cache) else {
         return;
     };
@@ -32,7 +34,7 @@ pub fn voxelize(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     // The counters of the frame; the words behind them are a state.
-    encoder.clear_buffer(&buffers.pool, 0, Some(u64::from(POOL_FREE) * 4));
+    encoder.clear_buffer(&commands.pool, 0, Some(u64::from(POOL_FREE) * 4));
     let compute = |label| ComputePassDescriptor {
         label: Some(label),
         timestamp_writes: None,

@@ -96,6 +96,10 @@ pub struct VoxelFrame {
 
 /// What the passes of a frame bind and how much they do.
 pub struct FrameCommands {
+    /// Which pipelines the bind groups are for.
+    pub key: StoreKey,
+    /// Counters and free pages.
+    pub pool: Buffer,
     /// Group 0 of all passes, with a dynamic offset to the job.
     pub store: BindGroup,
     /// Group 1 of voxelization.
@@ -668,6 +672,8 @@ fn bind(
         entries.push(entry(9, irradiance.as_entire_binding()));
     }
     FrameCommands {
+        key: buffers.key,
+        pool: buffers.pool.clone(),
         store: device.create_bind_group(
             "akari_voxel_gi_store",
             &cache.get_bind_group_layout(&pipelines.store_layout),

@@ -18,7 +18,41 @@ const TYPES: &str = include_str!("../src/types.wgsl");
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
     ("store.wgsl", include_str!("../src/store.wgsl")),
+    ("trace.wgsl", include_str!("../src/trace.wgsl")),
+    ("records.wgsl", include_str!("../src/records.wgsl")),
+    ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
+    ("lighting.wgsl", include_str!("../src/lighting.wgsl")),
 ];
+
+/// The voxels are bound as group 1 to what lights them.
+const LIT_GROUP: &[&[&str]] = &[&["VOXEL_GROUP=1"]];
+
+fn inject() -> Entry {
+    Entry {
+        file: "inject.wgsl",
+        source: include_str!("../src/inject.wgsl"),
+        entry_point: "inject",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&[], &["EMISSIVE"]],
+            &[&[], &["FEEDBACK"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
+
+fn gather() -> Entry {
+    Entry {
+        file: "gather.wgsl",
+        source: include_str!("../src/gather.wgsl"),
+        entry_point: "gather",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&["TRACE_RADIANCE", "FEEDBACK"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
 
 fn voxelize() -> Entry {
     Entry {
@@ -47,8 +81,10 @@ fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     }
 }
 
-fn entries() -> [Entry; 5] {
+fn entries() -> [Entry; 7] {
     [
+        inject(),
+        gather(),
         voxelize(),
         mips(),
         release("RELEASE", "release"),

@@ -310,10 +310,12 @@ fn faces_on_voxel_boundaries_belong_to_the_solid_side() {
                 let expected = f32::from(u8::from(place[axis] == side));
                 assert_eq!(voxel.coverage[face], expected, "{place}, face {face}");
                 if expected == 1.0 {
-                    let surface = voxel_surface_unpack(voxel.surface[face]);
+                    let surface = voxel_surface_unpack(voxel.surface[face], face as u32);
                     let outward = if face % 2 == 0 { 1.0 } else { -1.0 };
                     assert!((surface.normal[axis] - outward).abs() < 1e-3);
-                    assert!((surface.offset - f32::from(u8::from(face % 2 == 0))).abs() < 0.01);
+                    assert!(
+                        (surface.centroid[axis] - f32::from(u8::from(face % 2 == 0))).abs() < 0.01
+                    );
                 }
             }
         }
@@ -546,7 +548,7 @@ fn instances_mirrored_and_two_sided_meshes_count_as_they_are_seen() {
         .iter()
         .find(|((level, place), _)| *level == 0 && f64::from(place[1]) * size > 0.9)
         .expect("the card is there");
-    let albedo = voxel_surface_unpack(voxel.surface[2]).albedo;
+    let albedo = voxel_surface_unpack(voxel.surface[2], 2).albedo;
     assert!(
         albedo.abs_diff_eq(Vec3::new(0.5, 0.25, 0.125), 0.003),
         "{albedo}"

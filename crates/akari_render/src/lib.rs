@@ -19,6 +19,7 @@ use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 use bevy::render::ExtractSchedule;
 
+pub mod area_lights;
 pub mod camera;
 pub mod capture;
 pub mod census;
@@ -81,6 +82,7 @@ impl Plugin for AkariRenderPlugin {
             render_app
                 .insert_resource(ledger)
                 .init_resource::<ledger::CollectCounters>()
+                .init_resource::<area_lights::AreaLightPolygons>()
                 .add_systems(ExtractSchedule, ledger::extract_collect_counters);
         }
     }

@@ -16,8 +16,9 @@
 //! that changed, under a cap.
 
 use akari_render::ensure_render_plugin;
+use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
-use bevy::core_pipeline::schedule::camera_driver;
+use bevy::core_pipeline::schedule::{Core3d, camera_driver};
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderDevice, RenderGraph};
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
@@ -25,8 +26,11 @@ use bevy::shader::load_shader_library;
 
 pub mod arena;
 pub mod clipmap;
+pub mod cones;
 pub mod demand;
 pub mod geometry;
+pub mod lighting;
+pub mod lights;
 pub mod pass;
 pub mod pipeline;
 pub mod prepare;
@@ -63,6 +67,13 @@ impl Plugin for VoxelGiPlugin {
         }
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "store.wgsl");
+        load_shader_library!(app, "trace.wgsl");
+        load_shader_library!(app, "records.wgsl");
+        load_shader_library!(app, "diffuse.wgsl");
+        load_shader_library!(app, "lighting.wgsl");
+        embedded_asset!(app, "inject.wgsl");
+        embedded_asset!(app, "gather.wgsl");
+        embedded_asset!(app, "cones.wgsl");
         embedded_asset!(app, "release.wgsl");
         embedded_asset!(app, "voxelize.wgsl");
         embedded_asset!(app, "mips.wgsl");
@@ -85,17 +96,36 @@ impl Plugin for VoxelGiPlugin {
             .init_resource::<scene::VoxelScene>()
             .init_resource::<prepare::VoxelFrame>()
             .init_resource::<demand::CounterReadback>()
-            .add_systems(ExtractSchedule, scene::extract_scene)
+            .init_resource::<lights::VoxelLights>()
+            .init_resource::<cones::ConePipelines>()
+            .add_systems(
+                ExtractSchedule,
+                (
+                    scene::extract_scene,
+                    lights::extract_lights,
+                    cones::extract_views,
+                ),
+            )
             .add_systems(
                 Render,
                 (
                     (prepare::release_voxels, prepare::prepare_voxel_buffers)
                         .chain()
                         .in_set(RenderSystems::Prepare),
-                    prepare::prepare_voxel_work.in_set(RenderSystems::PrepareResources),
+                    (prepare::prepare_voxel_work, cones::prepare_signals)
+                        .in_set(RenderSystems::PrepareResources),
+                    (lighting::prepare_lighting, cones::prepare_cones)
+                        .chain()
+                        .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
                 ),
             )
-            .add_systems(RenderGraph, pass::voxelize.before(camera_driver));
+            .add_systems(
+                RenderGraph,
+                (pass::voxelize, lighting::light_voxels)
+                    .chain()
+                    .before(camera_driver),
+            )
+            .add_systems(Core3d, cones::trace_cones.in_set(AkariPassSystems::Signals));
     }
 }

@@ -3,6 +3,7 @@
 use crate::clipmap::ClipmapShape;
 use crate::types::MOST_PAGES;
 use akari_render::prelude::*;
+use akari_render::signals::{MakesSignals, stop_signals};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +13,8 @@ use serde::{Deserialize, Serialize};
 /// one's settings of space and memory.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[require(AkariCamera)]
+#[require(AkariCamera, MakesSignals)]
+#[component(on_remove = stop_signals)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelGi {
     /// Voxels along each axis of a cascade: 32, 64, 128 or 256 (others are rounded up).
@@ -27,9 +29,33 @@ pub struct VoxelGi {
     pub bricks_per_frame: u32,
     /// Whether light bounces more than once: each frame adds a bounce to what the voxels send out.
     pub feedback: bool,
+    /// Cones of the hemisphere of each pixel: 1, 5, 9 or 16 (others count as the next smaller one).
+    pub cones: u32,
+    /// Cones of the specular lobe of each pixel, 0 to 4; 0 reflects nothing.
+    pub specular_cones: u32,
+    /// Width of cones, as a share of that of the cells of the hemisphere, or of the lobe, that they stand for. 0 to 1:
+    /// narrow ones see sharper and cost more.
+    pub aperture: f32,
+    /// Pixels per traced one and axis: 1, 2 or 4.
+    pub scale: u32,
+    /// Cones of the hemisphere of each voxel's face in a frame: 1, 5, 9 or 16.
+    pub gather_cones: u32,
+    /// Frames over which a voxel's light is averaged, 1 to 256.
+    pub history: u32,
+    /// Rays from each voxel to each area light, 1 to 64.
+    pub light_rays: u32,
 }
 
 impl VoxelGi {
+    /// Pixels per traced one and axis.
+    pub fn signal_scale(&self) -> u32 {
+        match self.scale {
+            0 | 1 => 1,
+            2 | 3 => 2,
+            _ => 4,
+        }
+    }
+
     /// Sizes of the clipmap.
     pub fn shape(&self) -> ClipmapShape {
         ClipmapShape::new(self.resolution, self.cascades, self.voxel_size)
@@ -112,6 +138,69 @@ impl Knobs for VoxelGi {
             presets: [1.0, 1.0, 1.0, 1.0],
             cost: "cones from the voxels in each frame, and 384 bytes a page",
         },
+        Knob {
+            name: "cones",
+            what: "cones of the hemisphere of each pixel: 1, 5, 9, 16",
+            min: 1.0,
+            max: 16.0,
+            integer: true,
+            presets: [5.0, 5.0, 9.0, 16.0],
+            cost: "time of the pass, in proportion",
+        },
+        Knob {
+            name: "specular_cones",
+            what: "cones of the specular lobe of each pixel; 0 reflects nothing",
+            min: 0.0,
+            max: 4.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 2.0],
+            cost: "time of the pass, in proportion",
+        },
+        Knob {
+            name: "aperture",
+            what: "width of cones over that of what they stand for",
+            min: 0.0,
+            max: 1.0,
+            integer: false,
+            presets: [1.0, 1.0, 0.5, 0.5],
+            cost: "less for wide cones, which see blurred",
+        },
+        Knob {
+            name: "scale",
+            what: "pixels per traced one and axis: 1, 2, 4",
+            min: 1.0,
+            max: 4.0,
+            integer: true,
+            presets: [4.0, 2.0, 2.0, 1.0],
+            cost: "less, by its square",
+        },
+        Knob {
+            name: "gather_cones",
+            what: "cones of the hemisphere of each voxel's face in a frame: 1, 5, 9, 16",
+            min: 1.0,
+            max: 16.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 5.0],
+            cost: "time of the gathering, in proportion",
+        },
+        Knob {
+            name: "history",
+            what: "frames over which a voxel's light is averaged",
+            min: 1.0,
+            max: 256.0,
+            integer: true,
+            presets: [16.0, 32.0, 32.0, 64.0],
+            cost: "none: changes of the light take that many frames",
+        },
+        Knob {
+            name: "light_rays",
+            what: "rays from each voxel to each area light",
+            min: 1.0,
+            max: 64.0,
+            integer: true,
+            presets: [2.0, 4.0, 4.0, 8.0],
+            cost: "time of the injection, in proportion",
+        },
     ];
 
     fn value(&self, name: &str) -> Option<f32> {
@@ -122,6 +211,13 @@ impl Knobs for VoxelGi {
             "pages" => Some(self.pages as f32),
             "bricks_per_frame" => Some(self.bricks_per_frame as f32),
             "feedback" => Some(f32::from(u8::from(self.feedback))),
+            "cones" => Some(self.cones as f32),
+            "specular_cones" => Some(self.specular_cones as f32),
+            "scale" => Some(self.scale as f32),
+            "gather_cones" => Some(self.gather_cones as f32),
+            "history" => Some(self.history as f32),
+            "light_rays" => Some(self.light_rays as f32),
+            "aperture" => Some(self.aperture),
             _ => None,
         }
     }
@@ -134,6 +230,13 @@ impl Knobs for VoxelGi {
             "pages" => self.pages = value as u32,
             "bricks_per_frame" => self.bricks_per_frame = value as u32,
             "feedback" => self.feedback = value != 0.0,
+            "cones" => self.cones = value as u32,
+            "specular_cones" => self.specular_cones = value as u32,
+            "scale" => self.scale = value as u32,
+            "gather_cones" => self.gather_cones = value as u32,
+            "history" => self.history = value as u32,
+            "light_rays" => self.light_rays = value as u32,
+            "aperture" => self.aperture = value,
             _ => {}
         }
     }
@@ -146,6 +249,13 @@ impl Knobs for VoxelGi {
             pages: 0,
             bricks_per_frame: 0,
             feedback: false,
+            cones: 0,
+            specular_cones: 0,
+            scale: 0,
+            gather_cones: 0,
+            history: 0,
+            light_rays: 0,
+            aperture: 0.0,
         };
         for knob in Self::KNOBS {
             settings.store(knob.name, knob.presets[quality as usize]);

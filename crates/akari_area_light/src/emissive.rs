@@ -2,6 +2,7 @@
 
 use crate::light::{AreaLightTexture, MAX_VERTICES, PolygonLight};
 use akari_math::outline::outline;
+use akari_render::emission::ShinesAsAreaLight;
 use bevy::math::{Affine2, Mat2};
 use bevy::mesh::{UvChannel, VertexAttributeValues};
 use bevy::platform::collections::HashMap;
@@ -78,6 +79,9 @@ fn update_emissive_mesh_lights(
     for entity in removed.read().chain(removed_meshes.read()) {
         if let Some(light) = state.lights.remove(&entity) {
             commands.entity(light).try_despawn();
+            if let Ok(mut mesh) = commands.get_entity(entity) {
+                mesh.try_remove::<ShinesAsAreaLight>();
+            }
         }
         state.reasons.remove(&entity);
     }
@@ -116,11 +120,13 @@ fn update_emissive_mesh_lights(
         match (wanted, state.lights.get(&entity).copied()) {
             (Some(parts), Some(light)) => parts.insert_into(&mut commands.entity(light)),
             (Some(parts), None) => {
+                commands.entity(entity).insert(ShinesAsAreaLight);
                 let mut light = commands.spawn((EmissiveMeshLight, ChildOf(entity)));
                 parts.insert_into(&mut light);
                 state.lights.insert(entity, light.id());
             }
             (None, Some(light)) => {
+                commands.entity(entity).remove::<ShinesAsAreaLight>();
                 commands.entity(light).try_despawn();
                 state.lights.remove(&entity);
             }

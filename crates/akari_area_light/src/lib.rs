@@ -83,7 +83,11 @@ impl Plugin for AreaLightPlugin {
             .init_resource::<extract::ExtractedAreaLights>()
             .add_systems(
                 ExtractSchedule,
-                (extract::extract_area_lights, extract::extract_views).chain(),
+                (
+                    extract::extract_area_lights,
+                    (extract::extract_views, extract::publish_polygons),
+                )
+                    .chain(),
             )
             .add_systems(
                 Render,

@@ -39,8 +39,17 @@ const EFFECTS: [&str; 8] = [
     "upsample",
 ];
 /// Those of them that this version has.
-const AVAILABLE_EFFECTS: [&str; 5] = ["area-lights", "shadows", "lobes", "denoise", "upsample"];
+const AVAILABLE_EFFECTS: [&str; 6] = [
+    "area-lights",
+    "shadows",
+    "lobes",
+    "voxel-gi",
+    "denoise",
+    "upsample",
+];
 
+/// Frames in which bounced light converges: each adds a bounce, and a sample to the mean.
+const BOUNCE_FRAMES: u32 = 64;
 /// Frames that are timed for `--stats` unless `--frames` says how many.
 const TIMED_FRAMES: u32 = 5;
 
@@ -85,8 +94,8 @@ impl WantedEffects {
     fn area_lights(&self) -> bool {
         match self {
             Self::Auto => true,
-            // Shadows are those of area lights.
-            Self::Only(names) => ["area-lights", "shadows"]
+            // Shadows are those of area lights; indirect light comes on top of direct light.
+            Self::Only(names) => ["area-lights", "shadows", "voxel-gi"]
                 .iter()
                 .any(|effect| names.iter().any(|name| name == effect)),
         }
@@ -107,6 +116,14 @@ impl WantedEffects {
         match self {
             Self::Auto => false,
             Self::Only(names) => names.iter().any(|name| name == "lobes"),
+        }
+    }
+
+    /// Whether light bounces. Not by itself: a picture without it is what the direct light is compared with.
+    fn voxel_gi(&self) -> bool {
+        match self {
+            Self::Auto => false,
+            Self::Only(names) => names.iter().any(|name| name == "voxel-gi"),
         }
     }
 }
@@ -186,6 +203,9 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     if wanted.lobes() {
         world.entity_mut(view).insert(NeedsGuides);
     }
+    if wanted.voxel_gi() && !args.bevy_rect_lights {
+        world.entity_mut(view).insert(settings.voxel_gi);
+    }
     if args.buffers.is_some() {
         crate::buffers::ask(world, view, &settings.lobes, wanted.lobes());
     }
@@ -196,9 +216,11 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     let ledger = headless.ledger();
     let passes_before = ledger.passes();
     let mut times = FrameTimes::default();
-    // No effect of this version changes from frame to frame: the picture has converged when everything is loaded.
+    // Only light that bounces changes from frame to frame: without it, the picture has converged when everything is loaded.
     // For times, a few frames more, without the ones in which a software GPU compiles.
-    let frames = args.frames.unwrap_or(if args.stats.is_some() {
+    let frames = args.frames.unwrap_or(if wanted.voxel_gi() {
+        BOUNCE_FRAMES
+    } else if args.stats.is_some() {
         TIMED_FRAMES
     } else {
         1
@@ -372,7 +394,8 @@ mod tests {
             Some(WantedEffects::Only(vec![]))
         );
         assert!(WantedEffects::parse("area-lights").is_ok_and(|wanted| wanted.area_lights()));
-        for wrong in ["area-light", "voxel-gi", "", "auto,none"] {
+        assert!(WantedEffects::parse("voxel-gi").is_ok_and(|wanted| wanted.voxel_gi()));
+        for wrong in ["area-light", "interreflection", "", "auto,none"] {
             assert_eq!(
                 WantedEffects::parse(wrong).map_err(|error| error.code),
                 Err(crate::error::USAGE),

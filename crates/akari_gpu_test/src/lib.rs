@@ -7,6 +7,7 @@
 mod device;
 mod image;
 mod kernel;
+mod program;
 mod report;
 mod shaders;
 
@@ -15,6 +16,7 @@ pub use image::{ImageDifference, image_difference};
 pub use kernel::{
     Kernel, KernelError, UNWRITTEN, compose, compose_module, module_functions, run_kernel,
 };
+pub use program::{Program, ProgramSource, ShaderDefinition, Words};
 pub use report::{CompareReport, Worst, compare, ulp_distance};
 pub use shaders::{
     definitions_in, layout_fault, struct_layout, u32_constants, undecorated, wgsl_files,

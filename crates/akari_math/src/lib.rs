@@ -43,11 +43,13 @@ pub mod octahedral;
 pub mod oracle;
 pub mod outline;
 pub mod polygon;
+pub mod random;
 pub mod reprojection;
 pub mod sg;
 pub mod signal_packing;
 pub mod special;
 pub mod tile_bounds;
+pub mod voxel;
 
 /// Import path and source of every WGSL module of this crate, each after the modules that it imports.
 ///
@@ -95,4 +97,16 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::area_light", include_str!("area_light.wgsl")),
     ("akari_math::tile_bounds", include_str!("tile_bounds.wgsl")),
     ("akari_math::light_image", include_str!("light_image.wgsl")),
+    ("akari_math::random", include_str!("random.wgsl")),
+    ("akari_math::voxel::brick", include_str!("voxel/brick.wgsl")),
+    (
+        "akari_math::voxel::packing",
+        include_str!("voxel/packing.wgsl"),
+    ),
+    ("akari_math::voxel::slice", include_str!("voxel/slice.wgsl")),
+    ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
+    (
+        "akari_math::voxel::coverage",
+        include_str!("voxel/coverage.wgsl"),
+    ),
 ];

@@ -6,6 +6,7 @@
 //! | [`capture`] | [`CaptureBuffers`](capture::CaptureBuffers): the signals between scene and picture, read back |
 //! | [`census`] | [`Census`](census::Census): what is in the scene, counted from changed components only |
 //! | [`demand`] | [`Demand`](demand::Demand), [`EffectReport`](demand::EffectReport): which effects run, and why |
+//! | [`emission`] | which emissive meshes an area light stands for |
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
 //! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
@@ -18,10 +19,12 @@ use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 use bevy::render::ExtractSchedule;
 
+pub mod area_lights;
 pub mod camera;
 pub mod capture;
 pub mod census;
 pub mod demand;
+pub mod emission;
 pub mod guides;
 pub mod ledger;
 pub mod quality;
@@ -55,6 +58,7 @@ impl Plugin for AkariRenderPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<camera::AkariCamera>()
             .register_type::<quality::Quality>()
+            .register_type::<emission::ShinesAsAreaLight>()
             .register_type::<guides::NeedsGuides>()
             .register_type::<guides::ExternalGuides>()
             .register_type::<signals::MakesSignals>()
@@ -78,6 +82,7 @@ impl Plugin for AkariRenderPlugin {
             render_app
                 .insert_resource(ledger)
                 .init_resource::<ledger::CollectCounters>()
+                .init_resource::<area_lights::AreaLightPolygons>()
                 .add_systems(ExtractSchedule, ledger::extract_collect_counters);
         }
     }

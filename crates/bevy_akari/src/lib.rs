@@ -33,6 +33,7 @@ pub use akari_lobes as lobes;
 pub use akari_math as math;
 pub use akari_render as render;
 pub use akari_visibility as visibility;
+pub use akari_voxel_gi as voxel_gi;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 
@@ -45,6 +46,7 @@ pub mod prelude {
     pub use akari_denoise::prelude::*;
     pub use akari_lobes::prelude::*;
     pub use akari_render::prelude::{AkariCamera, EffectReport, GpuLedger, Quality};
+    pub use akari_voxel_gi::prelude::*;
 }
 
 /// All effects.
@@ -61,6 +63,7 @@ impl PluginGroup for AkariPlugins {
             .add(akari_area_light::emissive::EmissiveMeshLightsPlugin)
             .add(akari_lobes::LobesPlugin)
             .add(akari_denoise::DenoisePlugin)
+            .add(akari_voxel_gi::VoxelGiPlugin)
             .add(budget::FrameBudgetPlugin)
     }
 }

@@ -5,6 +5,7 @@ use akari_area_light::shadows::settings::{AreaShadows, DefaultAreaShadows};
 use akari_denoise::settings::{DefaultDenoise, Denoise};
 use akari_lobes::settings::{DefaultSpecularLobes, SpecularLobes};
 use akari_render::quality::{Knob, KnobError, Knobs, Quality};
+use akari_voxel_gi::settings::VoxelGi;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +21,8 @@ pub struct AkariSettings {
     pub lobes: SpecularLobes,
     /// Accumulation, filtering and upsampling of noisy signals.
     pub denoise: Denoise,
+    /// Indirect light by voxels, on cameras that ask for it.
+    pub voxel_gi: VoxelGi,
 }
 
 impl Default for AkariSettings {
@@ -45,7 +48,7 @@ pub enum SettingError {
 }
 
 /// Names of the effects as `--set effect.knob=value` knows them.
-pub const EFFECT_NAMES: [&str; 4] = ["area_lights", "shadows", "lobes", "denoise"];
+pub const EFFECT_NAMES: [&str; 5] = ["area_lights", "shadows", "lobes", "denoise", "voxel_gi"];
 
 /// What all settings can do, whatever their type.
 trait AnyKnobs {
@@ -74,6 +77,7 @@ impl AkariSettings {
             shadows: AreaShadows::preset(quality),
             lobes: SpecularLobes::preset(quality),
             denoise: Denoise::preset(quality),
+            voxel_gi: VoxelGi::preset(quality),
         }
     }
 
@@ -84,6 +88,7 @@ impl AkariSettings {
             &mut self.shadows,
             &mut self.lobes,
             &mut self.denoise,
+            &mut self.voxel_gi,
         ]
     }
 
@@ -122,7 +127,8 @@ impl AkariSettings {
             .collect()
     }
 
-    /// The settings of every camera that has none of its own; defaults for effects whose plugin is not there.
+    /// The settings of every camera that has none of its own; defaults for effects whose plugin is not there, and for
+    /// `voxel_gi`, which each camera has to itself.
     pub fn of_world(world: &World) -> Self {
         Self {
             area_lights: world
@@ -137,10 +143,11 @@ impl AkariSettings {
             denoise: world
                 .get_resource::<DefaultDenoise>()
                 .map_or_else(Denoise::default, |default| default.0),
+            voxel_gi: VoxelGi::default(),
         }
     }
 
-    /// Makes them the settings of every camera that has none of its own.
+    /// Makes them the settings of every camera that has none of its own; `voxel_gi` is for whoever puts it on a camera.
     pub fn apply(&self, world: &mut World) {
         world.insert_resource(DefaultAreaLighting(self.area_lights));
         world.insert_resource(DefaultAreaShadows(self.shadows));

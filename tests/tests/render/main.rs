@@ -7,3 +7,4 @@ mod denoise;
 mod lights;
 mod shadows;
 mod stability;
+mod voxels;

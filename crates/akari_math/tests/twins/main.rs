@@ -18,6 +18,8 @@ mod sg;
 mod shadows;
 mod signals;
 mod special;
+mod voxel;
+mod voxel_coverage;
 mod weight_properties;
 mod weight_terms;
 mod weights;
@@ -43,6 +45,8 @@ fn table() -> Vec<Case> {
     cases.extend(noise::cases());
     cases.extend(filters::cases());
     cases.extend(shadows::cases());
+    cases.extend(voxel::cases());
+    cases.extend(voxel_coverage::cases());
     cases
 }
 

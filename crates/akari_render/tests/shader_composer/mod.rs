@@ -27,7 +27,7 @@ pub struct Entry {
     pub source: &'static str,
     /// The function that a pipeline runs.
     pub entry_point: &'static str,
-    /// Every set of definitions that a pipeline asks for.
+    /// Every set of definitions that a pipeline asks for: names, or `NAME=number`.
     pub definitions: Vec<Vec<&'static str>>,
 }
 
@@ -190,7 +190,17 @@ impl Composer {
         id: AssetId<Shader>,
         definitions: &[&str],
     ) -> Result<Arc<naga::Module>, String> {
-        let definitions: Vec<ShaderDefVal> = definitions.iter().map(|&name| name.into()).collect();
+        let definition = |text: &&str| match text.split_once('=') {
+            Some((name, value)) => {
+                let value = value.parse().map_err(|_| format!("{text}: no number"))?;
+                Ok(ShaderDefVal::UInt(name.to_owned(), value))
+            }
+            None => Ok((*text).into()),
+        };
+        let definitions = definitions
+            .iter()
+            .map(definition)
+            .collect::<Result<Vec<ShaderDefVal>, String>>()?;
         self.cache
             .get(self.shaders, id, &definitions)
             .map_err(|error| match error {

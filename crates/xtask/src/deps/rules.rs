@@ -45,6 +45,7 @@ const EVERY_LIBRARY: &[&str] = &[
     "akari_render",
     "akari_scene",
     "akari_visibility",
+    "akari_voxel_gi",
     "bevy_akari",
 ];
 /// For tests only; nothing that is published may need them.
@@ -108,6 +109,13 @@ pub const RULES: &[Rule] = &[
         only: None,
     },
     Rule {
+        package: "akari_voxel_gi",
+        may_use: &["akari_math", "akari_render"],
+        tests_may_use: &["akari_gpu_test"],
+        engine: Engine::Bevy,
+        only: None,
+    },
+    Rule {
         package: "akari_denoise",
         may_use: &["akari_math", "akari_render"],
         tests_may_use: &["akari_gpu_test"],
@@ -138,6 +146,7 @@ pub const RULES: &[Rule] = &[
             "akari_math",
             "akari_render",
             "akari_visibility",
+            "akari_voxel_gi",
         ],
         tests_may_use: &[],
         engine: Engine::Bevy,

@@ -1,0 +1,202 @@
+//! What voxelization costs: memory by buffer, time by triangle and by brick, and how even a camera flight is.
+//!
+//! `cargo bench -p bevy_akari_benches --bench voxels`; times are GPU spans of the adapter named first. Parts:
+//! `-- memory`, `-- triangles`, `-- flight`.
+
+use bevy::prelude::*;
+use bevy_akari::headless::Headless;
+use bevy_akari::prelude::*;
+use bevy_akari::voxel_gi::clipmap::ClipmapShape;
+use bevy_akari::voxel_gi::pipeline::{MIPS_LABEL, RELEASE_LABEL, StoreKey, VOXELIZE_LABEL};
+use bevy_akari::voxel_gi::prepare::buffer_bytes;
+use bevy_akari_tests::{headless_or_skip, light_above, spawn_camera};
+
+const MEGABYTE: f64 = (1 << 20) as f64;
+/// Frames that are measured.
+const FRAMES: usize = 24;
+
+fn main() {
+    let named: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|part| !part.starts_with('-'))
+        .collect();
+    let wanted = |part: &str| named.is_empty() || named.iter().any(|name| name == part);
+    if wanted("memory") {
+        memory();
+    }
+    if wanted("triangles") {
+        triangles();
+    }
+    if wanted("flight") {
+        flight();
+    }
+}
+
+fn memory() {
+    println!("memory, MB; bricks depend on the resolution, all else on the pages of the pool");
+    for (resolution, cascades, pages) in [
+        (64, 3, 8192),
+        (128, 3, 16384),
+        (128, 5, 32768),
+        (256, 4, 65535),
+    ] {
+        let shape = ClipmapShape::new(resolution, cascades, 0.0625);
+        println!("  {resolution}³ x {cascades}, {pages} pages:");
+        let key = StoreKey {
+            emissive: true,
+            feedback: true,
+        };
+        let buffers = buffer_bytes(&shape, pages, key);
+        for (name, bytes) in &buffers {
+            println!("    {name:32} {:8.2}", *bytes as f64 / MEGABYTE);
+        }
+        let sum: u64 = buffers.iter().map(|(_, bytes)| bytes).sum();
+        println!("    {:32} {:8.2}", "all", sum as f64 / MEGABYTE);
+    }
+}
+
+fn start(settings: VoxelGi) -> Option<(Headless, Entity)> {
+    let mut headless = headless_or_skip("voxels")?;
+    println!("adapter: {}", headless.adapter());
+    let camera = spawn_camera(&mut headless, 16, Vec3::new(0.1, 0.2, 0.3));
+    headless.app.world_mut().entity_mut(camera).insert(settings);
+    headless
+        .app
+        .world_mut()
+        .spawn(light_above(Vec3::new(0.0, 90.0, 0.0), 1.0));
+    Some((headless, camera))
+}
+
+/// Milliseconds of the last frame that is known, of the passes named.
+fn time_of(headless: &Headless, labels: &[&str]) -> f64 {
+    let times = headless.gpu_times();
+    labels.iter().filter_map(|label| times.get(*label)).sum()
+}
+
+fn counter(headless: &Headless, name: &str) -> u64 {
+    headless
+        .ledger()
+        .counters()
+        .get(name)
+        .copied()
+        .unwrap_or_default()
+}
+
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// A ball of many triangles that turns, so that all its bricks are made in each frame.
+fn triangles() {
+    println!("a ball of 1.2 m that turns, voxels of 0.05 m, two cascades of 64³");
+    println!("  triangles    bricks   clipped      ms    ns a triangle    µs a brick");
+    for (sectors, stacks) in [(16, 8), (48, 24), (128, 64), (256, 128), (512, 256)] {
+        let settings = VoxelGi {
+            resolution: 64,
+            cascades: 2,
+            voxel_size: 0.05,
+            bricks_per_frame: 60_000,
+            ..VoxelGi::default()
+        };
+        let Some((mut headless, _)) = start(settings) else {
+            return;
+        };
+        let world = headless.app.world_mut();
+        let mesh = Sphere::new(0.6).mesh().uv(sectors, stacks);
+        let count = mesh.indices().map_or(0, |indices| indices.len() / 3);
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
+        let material = world
+            .resource_mut::<Assets<StandardMaterial>>()
+            .add(StandardMaterial::default());
+        let ball = world
+            .spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::default()))
+            .id();
+        headless.step_until_ready().expect("it renders");
+        let mut times = Vec::new();
+        for frame in 0..FRAMES {
+            let turn = Transform::from_rotation(Quat::from_rotation_y(0.1 * frame as f32));
+            headless.app.world_mut().entity_mut(ball).insert(turn);
+            headless.step().expect("it renders");
+            times.push(time_of(&headless, &[VOXELIZE_LABEL]));
+        }
+        let time = middle(times);
+        let bricks = counter(&headless, "voxel bricks made");
+        println!(
+            "  {count:9} {bricks:9} {:9} {time:8.3} {:12.1} {:12.2}",
+            counter(&headless, "voxel triangles clipped"),
+            time * 1e6 / count as f64,
+            time * 1e3 / bricks.max(1) as f64
+        );
+    }
+}
+
+/// A camera that flies along a corridor with pillars.
+fn flight() {
+    const LENGTH: f32 = 60.0;
+    const SPEED: f32 = 0.05;
+    const WARM: usize = 200;
+    const MEASURED: usize = 400;
+    let Some((mut headless, camera)) = start(VoxelGi {
+        resolution: 64,
+        cascades: 3,
+        voxel_size: 0.1,
+        ..VoxelGi::default()
+    }) else {
+        return;
+    };
+    let world = headless.app.world_mut();
+    let mut meshes = world.resource_mut::<Assets<Mesh>>();
+    let wall = meshes.add(Cuboid::new(LENGTH, 3.0, 0.2));
+    let floor = meshes.add(Cuboid::new(LENGTH, 0.2, 3.0));
+    let pillar = meshes.add(Cylinder::new(0.2, 3.0));
+    let material = world
+        .resource_mut::<Assets<StandardMaterial>>()
+        .add(StandardMaterial::default());
+    let middle_x = 0.5 * LENGTH - 5.0;
+    let mut parts = vec![
+        (wall.clone(), Vec3::new(middle_x, 0.0, -1.6)),
+        (wall, Vec3::new(middle_x, 0.0, 1.6)),
+        (floor.clone(), Vec3::new(middle_x, -1.6, 0.0)),
+        (floor, Vec3::new(middle_x, 1.6, 0.0)),
+    ];
+    for index in 0..LENGTH as usize {
+        parts.push((pillar.clone(), Vec3::new(index as f32 - 5.0, 0.0, 1.2)));
+    }
+    for (mesh, place) in parts {
+        world.spawn((
+            Mesh3d(mesh),
+            MeshMaterial3d(material.clone()),
+            Transform::from_translation(place),
+        ));
+    }
+    headless.step_until_ready().expect("it renders");
+    let (mut bricks, mut times) = (Vec::new(), Vec::new());
+    for frame in 0..WARM + MEASURED {
+        let place = Vec3::new(SPEED * frame as f32, 0.0, 0.0);
+        let transform = Transform::from_translation(place).looking_to(Vec3::X, Vec3::Y);
+        headless
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .insert(transform);
+        headless.step().expect("it renders");
+        if frame >= WARM {
+            bricks.push(counter(&headless, "voxel bricks made") as f64);
+            let labels = [RELEASE_LABEL, VOXELIZE_LABEL, MIPS_LABEL];
+            times.push(time_of(&headless, &labels));
+        }
+    }
+    println!("a flight of {SPEED} m a frame, three cascades of 64³, voxels of 0.1 m");
+    for (what, mut values) in [
+        ("bricks made, tails too", bricks),
+        ("ms of all passes", times),
+    ] {
+        values.sort_by(f64::total_cmp);
+        let (half, most) = (values[values.len() / 2], values[values.len() * 99 / 100]);
+        println!(
+            "  {what}: median {half:.3}, 99th percentile {most:.3}, {:.2} times",
+            most / half
+        );
+    }
+}

@@ -1,0 +1,343 @@
+//! Cones of pixels: the signals of each view for the denoiser.
+
+use crate::EFFECT;
+use crate::lighting::{REACH, VOXEL_GROUP, trace_definitions, voxel_group, voxel_layout};
+use crate::prepare::VoxelBuffers;
+use crate::settings::VoxelGi;
+use akari_render::guides::ViewGuides;
+use akari_render::prelude::*;
+use akari_render::signals::ViewSignals;
+use bevy::asset::load_embedded_asset;
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::binding_types::{texture_storage_2d, uniform_buffer};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
+use bevy::render::sync_world::RenderEntity;
+use bevy::render::view::{ExtractedView, ViewUniformOffset};
+use bevy::shader::ShaderDefVal;
+
+/// Label of the pass that traces the cones of pixels, and of its time span.
+pub const CONES_LABEL: &str = "akari_voxel_gi_cones";
+const RADIANCE_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+const HIT_DISTANCE_FORMAT: TextureFormat = TextureFormat::R32Float;
+/// Invocations of a workgroup in each direction, as in the shader.
+const WORKGROUP: u32 = 8;
+/// Bind group of what is the view's own.
+const VIEW_GROUP: u32 = 2;
+/// Perceptual roughness from which a dielectric's reflection is too faint and wide to be traced apart.
+const ROUGH: f32 = 0.95;
+
+/// On a view in the render world: its indirect light is traced.
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+pub struct ViewVoxelGi {
+    settings: VoxelGi,
+    /// Whether anything in the scene is smooth enough for specular cones.
+    specular: bool,
+}
+
+/// Field by field as `Cones` in `cones.wgsl`.
+#[derive(ShaderType, Debug, Clone, Copy, Default)]
+struct GpuCones {
+    size: UVec2,
+    scale: u32,
+    frame: u32,
+    eye: Vec3,
+    cones: u32,
+    sky: Vec3,
+    specular_cones: u32,
+    aperture: f32,
+    reach: f32,
+    pad_a: u32,
+    pad_b: u32,
+}
+
+/// The signals' textures.
+#[derive(Component)]
+pub struct ConeTargets {
+    texels: UVec2,
+    diffuse: TextureView,
+    specular: Option<(TextureView, TextureView)>,
+    frame: u32,
+}
+
+/// What the pass binds.
+#[derive(Component)]
+pub struct PreparedCones {
+    uniform: UniformBuffer<GpuCones>,
+    group: BindGroup,
+    voxels: BindGroup,
+    pipeline: CachedComputePipelineId,
+    texels: UVec2,
+}
+
+/// Pipelines by definitions of the guides, and with or without specular cones.
+#[derive(Resource, Default)]
+pub struct ConePipelines(HashMap<(Vec<ShaderDefVal>, bool), CachedComputePipelineId>);
+
+fn bytes_name(view: Entity) -> String {
+    format!("signals of view {view}")
+}
+
+/// Marks the views of cameras that ask for it, while the effect is needed.
+pub fn extract_views(
+    mut commands: Commands,
+    cameras: Extract<Query<(RenderEntity, &Camera, &VoxelGi), With<Camera3d>>>,
+    meshes: Extract<Query<&MeshMaterial3d<StandardMaterial>>>,
+    materials: Extract<Res<Assets<StandardMaterial>>>,
+    report: Extract<Res<EffectReport>>,
+    marked: Query<Entity, With<ViewVoxelGi>>,
+    ledger: Res<GpuLedger>,
+) {
+    let mut wanted = HashSet::new();
+    if report.is_active(EFFECT) {
+        let mut smooth = None;
+        for (view, camera, settings) in &cameras {
+            if !camera.is_active {
+                continue;
+            }
+            let specular = settings.specular_cones > 0
+                && *smooth.get_or_insert_with(|| {
+                    meshes
+                        .iter()
+                        .any(|material| materials.get(&material.0).is_some_and(is_smooth))
+                });
+            wanted.insert(view);
+            commands.entity(view).insert(ViewVoxelGi {
+                settings: *settings,
+                specular,
+            });
+        }
+    }
+    for view in &marked {
+        if !wanted.contains(&view) {
+            ledger.set_bytes(EFFECT, bytes_name(view), 0);
+            commands
+                .entity(view)
+                .remove::<(ViewVoxelGi, ConeTargets, PreparedCones, ViewSignals)>();
+        }
+    }
+}
+
+/// Whether a material reflects enough for specular cones.
+fn is_smooth(material: &StandardMaterial) -> bool {
+    !material.unlit
+        && (material.metallic > 0.0
+            || (material.perceptual_roughness < ROUGH && material.reflectance > 0.0))
+}
+
+/// Makes the textures, and hands them to the denoiser.
+pub fn prepare_signals(
+    mut commands: Commands,
+    mut views: Query<(
+        Entity,
+        &ExtractedCamera,
+        &ViewVoxelGi,
+        Option<&mut ConeTargets>,
+    )>,
+    device: Res<RenderDevice>,
+    ledger: Res<GpuLedger>,
+) {
+    for (entity, camera, view, mut existing) in &mut views {
+        let Some(size) = camera.physical_target_size else {
+            continue;
+        };
+        let scale = view.settings.signal_scale();
+        let texels = size.map(|pixels| pixels.div_ceil(scale).max(1));
+        let fits = existing
+            .as_ref()
+            .is_some_and(|kept| kept.texels == texels && kept.specular.is_some() == view.specular);
+        let mut fresh = None;
+        if !fits {
+            let texture = |label, format| {
+                device
+                    .create_texture(&TextureDescriptor {
+                        label: Some(label),
+                        size: Extent3d {
+                            width: texels.x,
+                            height: texels.y,
+                            depth_or_array_layers: 1,
+                        },
+                        mip_level_count: 1,
+                        sample_count: 1,
+                        dimension: TextureDimension::D2,
+                        format,
+                        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
+                        view_formats: &[],
+                    })
+                    .create_view(&TextureViewDescriptor::default())
+            };
+            let texel_bytes = if view.specular { 20 } else { 8 };
+            ledger.set_bytes(
+                EFFECT,
+                bytes_name(entity),
+                texel_bytes * u64::from(texels.x) * u64::from(texels.y),
+            );
+            fresh = Some(ConeTargets {
+                texels,
+                diffuse: texture("akari_voxel_gi_diffuse", RADIANCE_FORMAT),
+                specular: view.specular.then(|| {
+                    (
+                        texture("akari_voxel_gi_specular", RADIANCE_FORMAT),
+                        texture("akari_voxel_gi_hit_distance", HIT_DISTANCE_FORMAT),
+                    )
+                }),
+                frame: existing
+                    .as_ref()
+                    .map_or(0, |kept| kept.frame.wrapping_add(1)),
+            });
+        } else if let Some(kept) = &mut existing {
+            kept.frame = kept.frame.wrapping_add(1);
+        }
+        if let Some(targets) = fresh.as_ref().or(existing.as_deref()) {
+            commands.entity(entity).insert(ViewSignals {
+                specular: targets.specular.as_ref().map(|pair| pair.0.clone()),
+                diffuse: Some(targets.diffuse.clone()),
+                hit_distance: targets.specular.as_ref().map(|pair| pair.1.clone()),
+                scale,
+                frame: targets.frame,
+                reset: false,
+            });
+        }
+        if let Some(fresh) = fresh {
+            commands.entity(entity).insert(fresh);
+        }
+    }
+}
+
+fn view_layout(specular: bool) -> BindGroupLayoutDescriptor {
+    let store = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
+    let mut entries = vec![uniform_buffer::<GpuCones>(false), store(RADIANCE_FORMAT)];
+    if specular {
+        entries.extend([store(RADIANCE_FORMAT), store(HIT_DISTANCE_FORMAT)]);
+    }
+    let entries: Vec<BindGroupLayoutEntry> = entries
+        .into_iter()
+        .enumerate()
+        .map(|(binding, entry)| entry.build(binding as u32, ShaderStages::COMPUTE))
+        .collect();
+    BindGroupLayoutDescriptor::new(CONES_LABEL, &entries)
+}
+
+/// Writes uniforms and binds.
+pub fn prepare_cones(
+    mut commands: Commands,
+    views: Query<(
+        Entity,
+        &ExtractedView,
+        &ViewVoxelGi,
+        &ConeTargets,
+        &ViewGuides,
+    )>,
+    buffers: Option<Res<VoxelBuffers>>,
+    mut pipelines: ResMut<ConePipelines>,
+    cache: Res<PipelineCache>,
+    assets: Res<AssetServer>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let Some(buffers) = buffers else {
+        pipelines.0.clear();
+        return;
+    };
+    for (entity, extracted, view, targets, guides) in &views {
+        let key = (guides.shader_defs.clone(), view.specular);
+        let pipeline = *pipelines
+            .0
+            .entry(key)
+            .or_insert_with_key(|(definitions, specular)| {
+                let mut shader_defs = definitions.clone();
+                shader_defs.extend(trace_definitions(true));
+                if *specular {
+                    shader_defs.push("SPECULAR".into());
+                }
+                cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                    label: Some(CONES_LABEL.into()),
+                    layout: vec![
+                        guides.layout.clone(),
+                        voxel_layout(true),
+                        view_layout(*specular),
+                    ],
+                    shader: load_embedded_asset!(assets.as_ref(), "cones.wgsl"),
+                    shader_defs,
+                    ..default()
+                })
+            });
+        let position = extracted.world_from_view.translation().as_dvec3();
+        let mut uniform = UniformBuffer::from(GpuCones {
+            size: guides.size,
+            scale: view.settings.signal_scale(),
+            frame: targets.frame,
+            eye: (position - buffers.clipmap.camera()).as_vec3(),
+            cones: view.settings.cones.max(1),
+            sky: Vec3::ZERO,
+            specular_cones: view.settings.specular_cones,
+            aperture: view.settings.aperture,
+            reach: REACH,
+            pad_a: 0,
+            pad_b: 0,
+        });
+        uniform.write_buffer(&device, &queue);
+        let Some(binding) = uniform.binding() else {
+            continue;
+        };
+        let entry = |binding, resource| BindGroupEntry { binding, resource };
+        let mut entries = vec![
+            entry(0, binding),
+            entry(1, BindingResource::TextureView(&targets.diffuse)),
+        ];
+        if let Some((specular, distance)) = &targets.specular {
+            entries.push(entry(2, BindingResource::TextureView(specular)));
+            entries.push(entry(3, BindingResource::TextureView(distance)));
+        }
+        let group = device.create_bind_group(
+            CONES_LABEL,
+            &cache.get_bind_group_layout(&view_layout(view.specular)),
+            &entries,
+        );
+        commands.entity(entity).insert(PreparedCones {
+            uniform,
+            group,
+            voxels: voxel_group(&buffers, true, &device, &cache),
+            pipeline,
+            texels: targets.texels,
+        });
+    }
+}
+
+/// Fills the signals of a view.
+pub fn trace_cones(
+    view: ViewQuery<(&PreparedCones, &ViewGuides, &ViewUniformOffset)>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (prepared, guides, offset) = view.into_inner();
+    let (Some(pipeline), Some(guide_group)) =
+        (cache.get_compute_pipeline(prepared.pipeline), &guides.group)
+    else {
+        return;
+    };
+    debug_assert!(prepared.uniform.buffer().is_some());
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, CONES_LABEL);
+    {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+            label: Some(CONES_LABEL),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, guide_group, &[offset.offset]);
+        pass.set_bind_group(VOXEL_GROUP, &prepared.voxels, &[]);
+        pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
+        let groups = prepared.texels.map(|texels| texels.div_ceil(WORKGROUP));
+        pass.dispatch_workgroups(groups.x, groups.y, 1);
+    }
+    span.end(encoder);
+    ledger.count_pass(CONES_LABEL);
+}

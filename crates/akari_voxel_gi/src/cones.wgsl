@@ -1,0 +1,103 @@
+// Indirect light of each pixel, or of one pixel in each block: diffuse by a set of cones over the hemisphere, specular by
+// cones drawn from the pixel's lobe. Noisy: for the denoiser.
+
+#import akari_lobes::guides::{
+    diffuse_demodulation, load_specular_guide, specular_demodulation, view,
+}
+#import akari_math::frame::orthonormal_basis
+#import akari_math::random::{random_hash, random_sequence}
+#import akari_math::reprojection::sample_offset
+#import akari_math::special::safe_normalize
+#import akari_math::voxel::cone::{CONE_ENERGY, cone_tangent, lobe_cone_height}
+#import akari_voxel_gi::diffuse::gather_diffuse
+#import akari_voxel_gi::trace::{VoxelRay, trace_voxels}
+
+// As `GpuCones` in `cones.rs`.
+struct Cones {
+    // Pixels of the full resolution.
+    size: vec2<u32>,
+    // Pixels per texel and axis.
+    scale: u32,
+    // Counts up with each frame.
+    frame: u32,
+    // The view's position from the anchor, metres.
+    eye: vec3<f32>,
+    cones: u32,
+    sky: vec3<f32>,
+    specular_cones: u32,
+    aperture: f32,
+    reach: f32,
+    pad_a: u32,
+    pad_b: u32,
+}
+
+@group(2) @binding(0) var<uniform> cones: Cones;
+@group(2) @binding(1) var diffuse_out: texture_storage_2d<rgba16float, write>;
+#ifdef SPECULAR
+@group(2) @binding(2) var specular_out: texture_storage_2d<rgba16float, write>;
+@group(2) @binding(3) var hit_distance_out: texture_storage_2d<r32float, write>;
+#endif
+
+const PI: f32 = 3.1415927;
+const TWO_PI: f32 = 6.2831853;
+// Largest number that a texel holds.
+const MAX_TEXEL: f32 = 65504.0;
+// Smallest 1 / sharpness of a lobe: a mirror's.
+const MIN_INVERSE_SHARPNESS: f32 = 1e-6;
+
+@compute @workgroup_size(8, 8, 1)
+fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
+    let texel = id.xy;
+    if any(texel >= textureDimensions(diffuse_out)) {
+        return;
+    }
+    let pixel = texel * cones.scale + sample_offset(cones.frame, cones.scale);
+    var diffuse = vec3(0.0);
+    var specular = vec3(0.0);
+    var distance = 0.0;
+    let place = vec2<i32>(pixel);
+    var valid = all(pixel < cones.size);
+    if valid {
+        let guide = load_specular_guide(place);
+        valid = guide.valid;
+        if valid {
+            let origin = guide.position_rel + cones.eye;
+            let gathered = gather_diffuse(
+                origin, guide.normal_ws, cones.cones, cones.aperture, cones.reach, cones.sky, pixel, cones.frame,
+            );
+            diffuse = gathered.irradiance * diffuse_demodulation(place) / PI;
+#ifdef SPECULAR
+            let sharpness = 1.0 / max(guide.inverse_sharpness, MIN_INVERSE_SHARPNESS);
+            let tangent = cones.aperture * cone_tangent(lobe_cone_height(sharpness, CONE_ENERGY));
+            let basis = orthonormal_basis(guide.axis);
+            for (var i = 0u; i < cones.specular_cones; i++) {
+                let shift = random_hash(vec3(pixel, 0x73706563u + i));
+                let random = random_sequence(cones.frame, shift.x, shift.y);
+                // Drawn from the lobe: the part of its energy within this height is even in [0, 1).
+                let height = lobe_cone_height(sharpness, 0.99 * random.x);
+                let sine = sqrt(max(height * (2.0 - height), 0.0));
+                let angle = TWO_PI * random.y;
+                var direction = basis * vec3(sine * cos(angle), sine * sin(angle), 1.0 - height);
+                // What would go into the surface comes out again on the same side.
+                let below = dot(direction, guide.normal_ws);
+                if below < 0.0 {
+                    direction -= 2.0 * below * guide.normal_ws;
+                }
+                direction = safe_normalize(direction, guide.axis);
+                let ray = VoxelRay(origin, direction, guide.normal_ws, tangent, cones.reach, shift.z ^ (cones.frame * 0x9e3779b9u));
+                let traced = trace_voxels(ray);
+                specular += traced.radiance + traced.transmittance * cones.sky;
+                distance += traced.distance;
+            }
+            specular *= specular_demodulation(place, guide) / f32(max(cones.specular_cones, 1u));
+            distance /= f32(max(cones.specular_cones, 1u));
+#endif
+        }
+    }
+    // View targets hold radiance times exposure.
+    textureStore(diffuse_out, texel, vec4(min(diffuse * view.exposure, vec3(MAX_TEXEL)), 1.0));
+#ifdef SPECULAR
+    textureStore(specular_out, texel, vec4(min(specular * view.exposure, vec3(MAX_TEXEL)), 1.0));
+    textureStore(hit_distance_out, texel, vec4(distance));
+#endif
+}

@@ -1,0 +1,248 @@
+//! Whether the scene calls for voxel GI, and what voxelization counted.
+
+use crate::EFFECT;
+use crate::prepare::VoxelBuffers;
+use crate::settings::VoxelGi;
+use crate::surfaces::{is_emissive, is_voxelized};
+use crate::types::{COUNTER_NAMES, POOL_HEADER};
+use akari_render::prelude::*;
+use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight, RectLight};
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Census entry: meshes that are visible, opaque and lit.
+pub const VOXEL_MESHES: &str = "meshes that voxels hold";
+/// Census entry: meshes of those that shine.
+pub const EMISSIVE_MESHES: &str = "emissive meshes";
+/// Census entry: lights and environment maps of Bevy that are not hidden.
+pub const BOUNCING_LIGHTS: &str = "lights that bounce";
+/// Census entry: active cameras that ask for voxel GI.
+pub const VOXEL_CAMERAS: &str = "cameras with voxel GI";
+/// Census entry of the effect of area lights, if it is there.
+const AREA_LIGHTS: &str = "visible area lights";
+
+/// Systems of the main world.
+pub fn build(app: &mut App) {
+    app.add_systems(
+        PostUpdate,
+        (
+            (count_meshes, count_lights_and_cameras).in_set(AkariSystems::Census),
+            record_demand.in_set(AkariSystems::Demand),
+        ),
+    );
+}
+
+/// The demand: a pure function of the census.
+pub fn demand(census: &Census) -> Demand {
+    let meshes = census.count(VOXEL_MESHES);
+    let lights =
+        census.count(BOUNCING_LIGHTS) + census.count(AREA_LIGHTS) + census.count(EMISSIVE_MESHES);
+    if census.count(VOXEL_CAMERAS) == 0 {
+        Demand::idle("no active camera asks for voxel GI")
+    } else if meshes == 0 {
+        Demand::idle("no mesh is visible, opaque and lit")
+    } else if lights == 0 {
+        Demand::idle("nothing shines")
+    } else {
+        let plural = |count: u32, one: &str| {
+            if count == 1 {
+                format!("1 {one}")
+            } else {
+                format!("{count} {one}s")
+            }
+        };
+        Demand::needed(format!(
+            "{} may light {}",
+            plural(lights, "light"),
+            plural(meshes, "mesh").replace("meshs", "meshes")
+        ))
+    }
+}
+
+type MeshChanged = Or<(
+    Changed<MeshMaterial3d<StandardMaterial>>,
+    Changed<InheritedVisibility>,
+)>;
+
+fn count_meshes(
+    meshes: Query<(&MeshMaterial3d<StandardMaterial>, &InheritedVisibility), With<Mesh3d>>,
+    changed: Query<(), (With<MeshMaterial3d<StandardMaterial>>, MeshChanged)>,
+    cameras: Query<(), With<VoxelGi>>,
+    mut removed: RemovedComponents<MeshMaterial3d<StandardMaterial>>,
+    mut events: MessageReader<AssetEvent<StandardMaterial>>,
+    materials: Res<Assets<StandardMaterial>>,
+    mut census: ResMut<Census>,
+    mut counted: Local<bool>,
+) {
+    let any_event = removed.read().count() + events.read().count() > 0;
+    if cameras.is_empty() {
+        *counted = false;
+        return;
+    }
+    if *counted && !any_event && changed.is_empty() {
+        return;
+    }
+    *counted = true;
+    let (mut lit, mut emissive) = (0, 0);
+    for (material, visibility) in &meshes {
+        let Some(material) = materials.get(&material.0) else {
+            continue;
+        };
+        if visibility.get() && is_voxelized(material) {
+            lit += 1;
+            emissive += u32::from(is_emissive(material));
+        }
+    }
+    set(&mut census, VOXEL_MESHES, lit);
+    set(&mut census, EMISSIVE_MESHES, emissive);
+}
+
+fn count_lights_and_cameras(
+    directional: Query<(&DirectionalLight, &InheritedVisibility)>,
+    point: Query<(&PointLight, &InheritedVisibility)>,
+    spot: Query<(&SpotLight, &InheritedVisibility)>,
+    rect: Query<(&RectLight, &InheritedVisibility)>,
+    environments: Query<
+        (),
+        Or<(
+            With<EnvironmentMapLight>,
+            With<GeneratedEnvironmentMapLight>,
+        )>,
+    >,
+    cameras: Query<&Camera, (With<VoxelGi>, With<Camera3d>)>,
+    mut census: ResMut<Census>,
+) {
+    let active = cameras.iter().filter(|camera| camera.is_active).count();
+    set(&mut census, VOXEL_CAMERAS, active as u32);
+    if active == 0 {
+        return;
+    }
+    // Area lights count their own; where that effect is not there, Bevy's are lights like others.
+    let rects = if census.count(AREA_LIGHTS) > 0 {
+        0
+    } else {
+        rect.iter()
+            .filter(|(light, visibility)| visibility.get() && light.intensity > 0.0)
+            .count()
+    };
+    let lights = directional
+        .iter()
+        .filter(|(light, visibility)| visibility.get() && light.illuminance > 0.0)
+        .count()
+        + point
+            .iter()
+            .filter(|(light, visibility)| visibility.get() && light.intensity > 0.0)
+            .count()
+        + spot
+            .iter()
+            .filter(|(light, visibility)| visibility.get() && light.intensity > 0.0)
+            .count()
+        + rects
+        + environments.iter().count();
+    set(&mut census, BOUNCING_LIGHTS, lights as u32);
+}
+
+/// Sets an entry without marking the census as changed where it is not.
+fn set(census: &mut ResMut<Census>, name: &'static str, count: u32) {
+    if census.count(name) != count {
+        census.set(name, count);
+    }
+}
+
+fn record_demand(census: Res<Census>, mut report: ResMut<EffectReport>) {
+    if census.is_changed() || report.get(EFFECT).is_none() {
+        report.record(EFFECT, demand(&census));
+    }
+}
+
+/// Counts on their way to the CPU.
+#[derive(Resource, Default)]
+pub struct CounterReadback {
+    staging: Option<Buffer>,
+    in_flight: Arc<AtomicBool>,
+    warned: Arc<AtomicBool>,
+}
+
+/// Copies the counters of a frame that made bricks to the CPU without waiting for them, and says once if the pages ran
+/// out.
+pub fn collect_counters(
+    buffers: Option<Res<VoxelBuffers>>,
+    mut readback: ResMut<CounterReadback>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    ledger: Res<GpuLedger>,
+) {
+    let Some(buffers) = buffers else {
+        readback.staging = None;
+        return;
+    };
+    if !buffers.worked || readback.in_flight.load(Ordering::Acquire) {
+        return;
+    }
+    let size = u64::from(POOL_HEADER) * 4;
+    // A new one each time: the last may still be mapped by its callback.
+    let staging = device.create_buffer(&BufferDescriptor {
+        label: Some("akari_voxel_gi_counters_staging"),
+        size,
+        usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+        label: Some("akari_voxel_gi_collect_counters"),
+    });
+    encoder.copy_buffer_to_buffer(&buffers.pool, 0, &staging, 0, size);
+    queue.submit([encoder.finish()]);
+    readback.in_flight.store(true, Ordering::Release);
+    let (ledger, mapped) = (ledger.clone(), staging.clone());
+    let (in_flight, warned) = (readback.in_flight.clone(), readback.warned.clone());
+    let pages = buffers.pages;
+    staging.slice(..).map_async(MapMode::Read, move |result| {
+        if result.is_ok() {
+            let bytes = mapped.slice(..).get_mapped_range();
+            let counts = bytemuck::cast_slice::<u8, i32>(&bytes);
+            for (name, count) in COUNTER_NAMES.iter().zip(counts) {
+                ledger.set_counter(name, u64::from(count.max(&0).unsigned_abs()));
+            }
+            /// Word of the bricks that got no page.
+            const WITHOUT: usize = 4;
+            if counts[WITHOUT] > 0 && !warned.swap(true, Ordering::Relaxed) {
+                warn!(
+                    "voxel GI: {} bricks stay empty, the {pages} pages are used up; set VoxelGi::pages higher, or make \
+                     the voxels larger",
+                    counts[WITHOUT]
+                );
+            }
+        }
+        in_flight.store(false, Ordering::Release);
+    });
+    readback.staging = Some(staging);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demand_follows_the_census() {
+        let mut census = Census::default();
+        assert!(!demand(&census).needed);
+        census.set(VOXEL_CAMERAS, 1);
+        census.set(VOXEL_MESHES, 2);
+        assert!(!demand(&census).needed, "no light");
+        census.set(BOUNCING_LIGHTS, 1);
+        assert_eq!(
+            demand(&census),
+            Demand::needed("1 light may light 2 meshes")
+        );
+        census.set(BOUNCING_LIGHTS, 0);
+        census.set(AREA_LIGHTS, 1);
+        assert!(demand(&census).needed);
+        census.set(VOXEL_MESHES, 0);
+        assert!(!demand(&census).needed, "nothing to light");
+    }
+}

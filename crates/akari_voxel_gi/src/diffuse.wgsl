@@ -1,0 +1,44 @@
+#define_import_path akari_voxel_gi::diffuse
+
+// Light that a surface gathers over its hemisphere, by a set of cones of equal weight.
+
+#import akari_math::frame::orthonormal_basis
+#import akari_math::random::{random_hash, random_sequence}
+#import akari_math::voxel::cone::{cone_cell, cone_cell_direction, cone_cell_tangent}
+#import akari_voxel_gi::trace::{VoxelRay, trace_voxels}
+
+struct DiffuseLight {
+    // Irradiance, nits times sr.
+    irradiance: vec3<f32>,
+    // Part of the hemisphere, cosine weighted, that is open.
+    open: f32,
+    // Mean distance of what was met, metres.
+    distance: f32,
+}
+
+const PI: f32 = 3.1415927;
+
+// `id` tells the surface point from others, `frame` the same point's directions in time; `aperture` scales the width of
+// the cones, whose directions are drawn from cells that tile the hemisphere.
+fn gather_diffuse(
+    origin: vec3<f32>, normal: vec3<f32>, cones: u32, aperture: f32, reach: f32, sky: vec3<f32>, id: vec2<u32>, frame: u32,
+) -> DiffuseLight {
+    let basis = orthonormal_basis(normal);
+    var light = DiffuseLight(vec3(0.0), 0.0, 0.0);
+    var met = 0.0;
+    for (var i = 0u; i < cones; i++) {
+        let cell = cone_cell(cones, i);
+        let shift = random_hash(vec3(id, i));
+        let direction = basis * cone_cell_direction(cell, random_sequence(frame, shift.x, shift.y));
+        let ray = VoxelRay(origin, direction, normal, aperture * cone_cell_tangent(cell), reach, shift.z ^ (frame * 0x9e3779b9u));
+        let traced = trace_voxels(ray);
+        light.irradiance += traced.radiance + traced.transmittance * sky;
+        light.open += traced.transmittance;
+        light.distance += (1.0 - traced.transmittance) * traced.distance;
+        met += 1.0 - traced.transmittance;
+    }
+    light.irradiance *= PI / f32(cones);
+    light.open /= f32(cones);
+    light.distance /= max(met, 1e-6);
+    return light;
+}

@@ -1,0 +1,131 @@
+//! Indirect diffuse and glossy light of dynamic scenes for Bevy, by cone tracing in sparse voxels.
+//!
+//! **What**: opaque meshes of [`StandardMaterial`], moving and skinned ones too, are voxelized on the GPU as they change,
+//! in a clipmap of cascades that scrolls with the camera.
+//!
+//! **Method**: sparse bricks of 4³ voxels. Each triangle adds its exact area in each voxel to the faces that it is turned
+//! to, so that what a surface blocks and reflects does not depend on the resolution; after Crassin et al. 2011,
+//! "Interactive Indirect Illumination Using Voxel Cone Tracing", whose voxels hold a binary occupancy.
+//!
+//! **Inputs**: meshes, materials and transforms of the scene. Meshes have to keep their data in the main world
+//! ([`RenderAssetUsages::MAIN_WORLD`](bevy::asset::RenderAssetUsages), the default). Skinned meshes are posed on the CPU;
+//! morph targets are not. Render layers and visibility ranges are not looked at.
+//!
+//! **Cost**: nothing unless a camera has [`VoxelGi`](settings::VoxelGi), a mesh is opaque and lit, and something shines.
+//! Otherwise memory of a fixed size (`GpuLedger` tells it, 36 to 44 bytes a triangle among it), and time for the bricks
+//! that changed, under a cap.
+
+use akari_render::ensure_render_plugin;
+use akari_render::signals::AkariPassSystems;
+use bevy::asset::embedded_asset;
+use bevy::core_pipeline::schedule::{Core3d, camera_driver};
+use bevy::prelude::*;
+use bevy::render::renderer::{RenderDevice, RenderGraph};
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
+use bevy::shader::load_shader_library;
+
+pub mod arena;
+pub mod clipmap;
+pub mod cones;
+pub mod demand;
+pub mod geometry;
+pub mod lighting;
+pub mod lights;
+pub mod pass;
+pub mod pipeline;
+pub mod prepare;
+pub mod scene;
+pub mod settings;
+pub mod surfaces;
+pub mod types;
+
+/// Name of the effect in reports, statistics and on the command line.
+pub const EFFECT: &str = "voxel-gi";
+
+/// Everything that an app uses from here.
+pub mod prelude {
+    pub use crate::VoxelGiPlugin;
+    pub use crate::scene::NotVoxelized;
+    pub use crate::settings::VoxelGi;
+}
+
+/// Storage buffers that a pass binds at most.
+const STORAGE_BUFFERS: u32 = 12;
+
+/// Lights cameras with [`VoxelGi`](settings::VoxelGi) indirectly.
+#[derive(Default)]
+pub struct VoxelGiPlugin;
+
+impl Plugin for VoxelGiPlugin {
+    fn build(&self, app: &mut App) {
+        ensure_render_plugin(app);
+        app.register_type::<settings::VoxelGi>()
+            .register_type::<scene::NotVoxelized>();
+        demand::build(app);
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
+        }
+        load_shader_library!(app, "types.wgsl");
+        load_shader_library!(app, "store.wgsl");
+        load_shader_library!(app, "trace.wgsl");
+        load_shader_library!(app, "records.wgsl");
+        load_shader_library!(app, "diffuse.wgsl");
+        load_shader_library!(app, "lighting.wgsl");
+        embedded_asset!(app, "inject.wgsl");
+        embedded_asset!(app, "gather.wgsl");
+        embedded_asset!(app, "cones.wgsl");
+        embedded_asset!(app, "release.wgsl");
+        embedded_asset!(app, "voxelize.wgsl");
+        embedded_asset!(app, "mips.wgsl");
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        if let Some(device) = render_app.world().get_resource::<RenderDevice>() {
+            let most = device.limits().max_storage_buffers_per_shader_stage;
+            if most < STORAGE_BUFFERS {
+                warn!(
+                    "voxel GI stays off: it binds {STORAGE_BUFFERS} storage buffers to a shader, this GPU allows {most}"
+                );
+                return;
+            }
+        }
+        render_app
+            .init_resource::<scene::VoxelScene>()
+            .init_resource::<prepare::VoxelFrame>()
+            .init_resource::<demand::CounterReadback>()
+            .init_resource::<lights::VoxelLights>()
+            .init_resource::<cones::ConePipelines>()
+            .add_systems(
+                ExtractSchedule,
+                (
+                    scene::extract_scene,
+                    lights::extract_lights,
+                    cones::extract_views,
+                ),
+            )
+            .add_systems(
+                Render,
+                (
+                    (prepare::release_voxels, prepare::prepare_voxel_buffers)
+                        .chain()
+                        .in_set(RenderSystems::Prepare),
+                    (prepare::prepare_voxel_work, cones::prepare_signals)
+                        .in_set(RenderSystems::PrepareResources),
+                    (lighting::prepare_lighting, cones::prepare_cones)
+                        .chain()
+                        .in_set(RenderSystems::PrepareBindGroups),
+                    demand::collect_counters.in_set(RenderSystems::Cleanup),
+                ),
+            )
+            .add_systems(
+                RenderGraph,
+                (pass::voxelize, lighting::light_voxels)
+                    .chain()
+                    .before(camera_driver),
+            )
+            .add_systems(Core3d, cones::trace_cones.in_set(AkariPassSystems::Signals));
+    }
+}

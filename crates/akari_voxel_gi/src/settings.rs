@@ -1,0 +1,300 @@
+//! Settings of the voxel GI of a camera.
+
+use crate::clipmap::ClipmapShape;
+use crate::types::MOST_PAGES;
+use akari_render::prelude::*;
+use akari_render::signals::{MakesSignals, stop_signals};
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Asks for indirect light by voxels on this camera.
+///
+/// There is one clipmap: it follows the first active camera (by [`Camera::order`]) that has this component, with that
+/// one's settings of space and memory.
+#[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[require(AkariCamera, MakesSignals)]
+#[component(on_remove = stop_signals)]
+#[serde(default, deny_unknown_fields)]
+pub struct VoxelGi {
+    /// Voxels along each axis of a cascade: 32, 64, 128 or 256 (others are rounded up).
+    pub resolution: u32,
+    /// Cascades, each twice as wide as the one before. 1 to 5.
+    pub cascades: u32,
+    /// Edge of a voxel of the first cascade, metres. 10⁻⁴ to 10⁴.
+    pub voxel_size: f32,
+    /// Pages of 16 voxels of the pool, 1,024 to 65,535. Where they run out, bricks stay empty, and a warning says so.
+    pub pages: u32,
+    /// Most bricks of 4³ voxels that are made from triangles in a frame. 1 to 65,535.
+    pub bricks_per_frame: u32,
+    /// Whether light bounces more than once: each frame adds a bounce to what the voxels send out.
+    pub feedback: bool,
+    /// Cones of the hemisphere of each pixel: 1, 5, 9 or 16 (others count as the next smaller one).
+    pub cones: u32,
+    /// Cones of the specular lobe of each pixel, 0 to 4; 0 reflects nothing.
+    pub specular_cones: u32,
+    /// Width of cones, as a share of that of the cells of the hemisphere, or of the lobe, that they stand for. 0 to 1:
+    /// narrow ones see sharper and cost more.
+    pub aperture: f32,
+    /// Pixels per traced one and axis: 1, 2 or 4.
+    pub scale: u32,
+    /// Cones of the hemisphere of each voxel's face in a frame: 1, 5, 9 or 16.
+    pub gather_cones: u32,
+    /// Frames over which a voxel's light is averaged, 1 to 256.
+    pub history: u32,
+    /// Rays from each voxel to each area light, 1 to 64.
+    pub light_rays: u32,
+}
+
+impl VoxelGi {
+    /// Pixels per traced one and axis.
+    pub fn signal_scale(&self) -> u32 {
+        match self.scale {
+            0 | 1 => 1,
+            2 | 3 => 2,
+            _ => 4,
+        }
+    }
+
+    /// Sizes of the clipmap.
+    pub fn shape(&self) -> ClipmapShape {
+        ClipmapShape::new(self.resolution, self.cascades, self.voxel_size)
+    }
+
+    /// Pages of the pool.
+    pub fn page_count(&self) -> u32 {
+        self.pages.clamp(FEWEST_PAGES, MOST_PAGES)
+    }
+
+    /// Most bricks to make in a frame.
+    pub fn brick_cap(&self) -> u32 {
+        self.bricks_per_frame.clamp(1, MOST_BRICKS)
+    }
+}
+
+const FEWEST_PAGES: u32 = 1024;
+/// Most workgroups of a dispatch along an axis, by the WebGPU limits.
+const MOST_BRICKS: u32 = 65_535;
+
+impl Default for VoxelGi {
+    fn default() -> Self {
+        Self::preset(Quality::default())
+    }
+}
+
+impl Knobs for VoxelGi {
+    const KNOBS: &'static [Knob] = &[
+        Knob {
+            name: "resolution",
+            what: "voxels along each axis of a cascade: 32, 64, 128, 256",
+            min: 32.0,
+            max: 256.0,
+            integer: true,
+            presets: [64.0, 128.0, 128.0, 256.0],
+            cost: "surfaces in a cascade, and the pages they need, grow with its square",
+        },
+        Knob {
+            name: "cascades",
+            what: "cascades, each twice as wide as the one before",
+            min: 1.0,
+            max: 5.0,
+            integer: true,
+            presets: [3.0, 3.0, 3.0, 4.0],
+            cost: "each costs as much as the first, where there are surfaces",
+        },
+        Knob {
+            name: "voxel_size",
+            what: "edge of a voxel of the first cascade, metres",
+            min: 1e-4,
+            max: 1e4,
+            integer: false,
+            presets: [0.125, 0.0625, 0.0625, 0.03125],
+            cost: "none by itself: a smaller one makes the cascades reach less far",
+        },
+        Knob {
+            name: "pages",
+            what: "pages of 16 voxels",
+            min: FEWEST_PAGES as f32,
+            max: MOST_PAGES as f32,
+            integer: true,
+            presets: [8192.0, 16384.0, 32768.0, 65535.0],
+            cost: "1.3 to 2 KB each",
+        },
+        Knob {
+            name: "bricks_per_frame",
+            what: "most bricks of 4³ voxels that are made from triangles in a frame",
+            min: 1.0,
+            max: MOST_BRICKS as f32,
+            integer: true,
+            presets: [1024.0, 2048.0, 4096.0, 8192.0],
+            cost: "time of a frame in which much changes; fewer bricks lag behind longer",
+        },
+        Knob {
+            name: "feedback",
+            what: "1: light bounces again and again; 0: once",
+            min: 0.0,
+            max: 1.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 1.0],
+            cost: "cones from the voxels in each frame, and 384 bytes a page",
+        },
+        Knob {
+            name: "cones",
+            what: "cones of the hemisphere of each pixel: 1, 5, 9, 16",
+            min: 1.0,
+            max: 16.0,
+            integer: true,
+            presets: [5.0, 5.0, 9.0, 16.0],
+            cost: "time of the pass, in proportion",
+        },
+        Knob {
+            name: "specular_cones",
+            what: "cones of the specular lobe of each pixel; 0 reflects nothing",
+            min: 0.0,
+            max: 4.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 2.0],
+            cost: "time of the pass, in proportion",
+        },
+        Knob {
+            name: "aperture",
+            what: "width of cones over that of what they stand for",
+            min: 0.0,
+            max: 1.0,
+            integer: false,
+            presets: [1.0, 1.0, 0.5, 0.5],
+            cost: "less for wide cones, which see blurred",
+        },
+        Knob {
+            name: "scale",
+            what: "pixels per traced one and axis: 1, 2, 4",
+            min: 1.0,
+            max: 4.0,
+            integer: true,
+            presets: [4.0, 2.0, 2.0, 1.0],
+            cost: "less, by its square",
+        },
+        Knob {
+            name: "gather_cones",
+            what: "cones of the hemisphere of each voxel's face in a frame: 1, 5, 9, 16",
+            min: 1.0,
+            max: 16.0,
+            integer: true,
+            presets: [1.0, 1.0, 1.0, 5.0],
+            cost: "time of the gathering, in proportion",
+        },
+        Knob {
+            name: "history",
+            what: "frames over which a voxel's light is averaged",
+            min: 1.0,
+            max: 256.0,
+            integer: true,
+            presets: [16.0, 32.0, 32.0, 64.0],
+            cost: "none: changes of the light take that many frames",
+        },
+        Knob {
+            name: "light_rays",
+            what: "rays from each voxel to each area light",
+            min: 1.0,
+            max: 64.0,
+            integer: true,
+            presets: [2.0, 4.0, 4.0, 8.0],
+            cost: "time of the injection, in proportion",
+        },
+    ];
+
+    fn value(&self, name: &str) -> Option<f32> {
+        match name {
+            "resolution" => Some(self.resolution as f32),
+            "cascades" => Some(self.cascades as f32),
+            "voxel_size" => Some(self.voxel_size),
+            "pages" => Some(self.pages as f32),
+            "bricks_per_frame" => Some(self.bricks_per_frame as f32),
+            "feedback" => Some(f32::from(u8::from(self.feedback))),
+            "cones" => Some(self.cones as f32),
+            "specular_cones" => Some(self.specular_cones as f32),
+            "scale" => Some(self.scale as f32),
+            "gather_cones" => Some(self.gather_cones as f32),
+            "history" => Some(self.history as f32),
+            "light_rays" => Some(self.light_rays as f32),
+            "aperture" => Some(self.aperture),
+            _ => None,
+        }
+    }
+
+    fn store(&mut self, name: &str, value: f32) {
+        match name {
+            "resolution" => self.resolution = value as u32,
+            "cascades" => self.cascades = value as u32,
+            "voxel_size" => self.voxel_size = value,
+            "pages" => self.pages = value as u32,
+            "bricks_per_frame" => self.bricks_per_frame = value as u32,
+            "feedback" => self.feedback = value != 0.0,
+            "cones" => self.cones = value as u32,
+            "specular_cones" => self.specular_cones = value as u32,
+            "scale" => self.scale = value as u32,
+            "gather_cones" => self.gather_cones = value as u32,
+            "history" => self.history = value as u32,
+            "light_rays" => self.light_rays = value as u32,
+            "aperture" => self.aperture = value,
+            _ => {}
+        }
+    }
+
+    fn preset(quality: Quality) -> Self {
+        let mut settings = Self {
+            resolution: 0,
+            cascades: 0,
+            voxel_size: 0.0,
+            pages: 0,
+            bricks_per_frame: 0,
+            feedback: false,
+            cones: 0,
+            specular_cones: 0,
+            scale: 0,
+            gather_cones: 0,
+            history: 0,
+            light_rays: 0,
+            aperture: 0.0,
+        };
+        for knob in Self::KNOBS {
+            settings.store(knob.name, knob.presets[quality as usize]);
+        }
+        settings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_reads_back_what_was_set() {
+        for knob in VoxelGi::KNOBS {
+            let mut settings = VoxelGi::preset(Quality::Low);
+            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
+                settings
+                    .set_knob(knob.name, value)
+                    .expect("presets and limits are valid");
+                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
+            }
+        }
+    }
+
+    #[test]
+    fn presets_are_shapes_that_are_possible() {
+        for index in 0..4 {
+            let preset = |name| {
+                let knob = VoxelGi::KNOBS.iter().find(|knob| knob.name == name);
+                knob.expect("a knob").presets[index]
+            };
+            let shape = ClipmapShape::new(
+                preset("resolution") as u32,
+                preset("cascades") as u32,
+                preset("voxel_size"),
+            );
+            assert_eq!(shape.resolution as f32, preset("resolution"));
+            assert!(shape.slots() < 1 << 30, "slots have 30 bits");
+        }
+    }
+}

@@ -1,0 +1,301 @@
+#define_import_path akari_voxel_gi::trace
+
+// Rays and cones through the voxels.
+//
+// A ray goes from voxel to voxel, over empty bricks in one step. What is turned to a face of a voxel is a piece of a
+// plane (mean normal, centroid): the ray is stopped where it crosses that plane within the voxel from the front, by the
+// part of the plane that is there. So a wall has no gaps between voxels whatever its slope and however thin it is, its
+// two sides do not mix, and a surface does not hide from what leaves it: nothing is offset, and nothing depends on the
+// length of a step. A cone is a ray that takes the coarser level the wider it is; whoever traces it draws its direction
+// from its aperture.
+//
+// Definitions: VOXEL_GROUP, the bind group of the voxels; TRACE_RADIANCE, to read radiance; PLAIN_CONES, to march
+// isotropic cones as commonly done, for comparison.
+
+#import akari_math::random::{random_hash, random_unit}
+#import akari_math::voxel::brick::{mask_holds, mask_rank, record_index, voxel_index}
+#import akari_math::voxel::packing::{
+    VoxelSurface, coverage_of_face, voxel_radiance_unpack, voxel_surface_unpack,
+}
+#import akari_math::voxel::slice::{plane_slice_share, slice_fullness}
+#import akari_voxel_gi::types::{BRICK_PENDING, VoxelClipmap, slot_of_brick}
+
+@group(#{VOXEL_GROUP}) @binding(0) var<uniform> voxel_clipmap: VoxelClipmap;
+@group(#{VOXEL_GROUP}) @binding(1) var<storage, read> voxel_bricks: array<vec4<u32>>;
+@group(#{VOXEL_GROUP}) @binding(2) var<storage, read> voxel_coverage: array<vec2<u32>>;
+@group(#{VOXEL_GROUP}) @binding(3) var<storage, read> voxel_surfaces: array<vec2<u32>>;
+#ifdef TRACE_RADIANCE
+@group(#{VOXEL_GROUP}) @binding(4) var<storage, read> voxel_radiance: array<u32>;
+#endif
+
+// Steps after which a ray is given up: more than any level has voxels along a diagonal.
+const MOST_STEPS: u32 = 1024u;
+// How far a step goes beyond the boundary of a voxel, in voxels, to be in the next one for certain: 30 roundings of a
+// position in a level of 256 voxels.
+const STEP_BEYOND: f32 = 1e-3;
+// How far outside of its voxel a plane may be crossed, in voxels: the planes of two voxels of a curved or rounded
+// surface do not quite meet.
+const CROSSING_SLACK: f32 = 0.02;
+// A surface that a ray meets closer than this to its start, in voxels, and that faces almost as the start does, is the
+// one that it starts on.
+const OWN_DISTANCE: f32 = 1.5;
+const OWN_COSINE: f32 = 0.7;
+// Planes whose normals have a larger cosine are one, or the two sides of one.
+const SAME_COSINE: f32 = 0.9;
+// Distance of a centroid from another plane, in voxels, from which on its side is known in spite of roundings.
+const SIDE_SLACK: f32 = 0.02;
+// Smallest cosine at which a plane is met.
+const MIN_COSINE: f32 = 1e-4;
+// Stands in for the reciprocal of a component that is (almost) 0.
+const MAX_RECIPROCAL: f32 = 1e7;
+// A ray ends where less than this of its light comes through.
+const MIN_TRANSMITTANCE: f32 = 0.004;
+
+struct VoxelRay {
+    // Relative to the anchor, metres.
+    origin: vec3<f32>,
+    // Unit vectors: along the ray; of the surface at its start, or 0.
+    direction: vec3<f32>,
+    normal: vec3<f32>,
+    // Tangent of the half aperture.
+    tangent: f32,
+    // Where it ends, metres.
+    reach: f32,
+    // For the jitter of lookups.
+    seed: u32,
+}
+
+struct VoxelTrace {
+    // What comes from the voxels, nits.
+    radiance: vec3<f32>,
+    // What passes all of them.
+    transmittance: f32,
+    // Mean distance of what was met, metres; 0 if nothing was.
+    distance: f32,
+}
+
+// Whether a position, in voxels from the low corner of a level, is inside.
+fn inside_level(level: u32, position: vec3<f32>) -> bool {
+    let edge = f32(voxel_clipmap.levels[level].bricks * 4u);
+    return all(position >= vec3(0.0)) && all(position < vec3(edge));
+}
+
+// In voxels from the low corner of a level, of a position relative to the anchor.
+fn level_position(level: u32, position: vec3<f32>) -> vec3<f32> {
+    return (voxel_clipmap.levels[level].anchor + position) / voxel_clipmap.levels[level].voxel_size;
+}
+
+struct VoxelCrossing {
+    transmittance: f32,
+    // Light times its opacity.
+    radiance: vec3<f32>,
+    // Distance from the entry, in voxels.
+    at: f32,
+}
+
+// Coverage by what has `normal`, of the face that it is turned to most.
+fn plane_coverage(covered: vec2<u32>, normal: vec3<f32>) -> f32 {
+    let size = abs(normal);
+    var face = 4u + select(0u, 1u, normal.z < 0.0);
+    if size.x >= size.y && size.x >= size.z {
+        face = select(0u, 1u, normal.x < 0.0);
+    } else if size.y >= size.z {
+        face = 2u + select(0u, 1u, normal.y < 0.0);
+    }
+    return coverage_of_face(covered, face);
+}
+
+#ifdef TRACE_RADIANCE
+// Radiance of a face, from a voxel at up to half a voxel from where it was met: in the mean over rays, this is the
+// linear interpolation between voxels.
+fn smooth_radiance(level: u32, voxel: vec3<i32>, record: u32, face: u32, met: vec3<f32>, seed: u32) -> vec3<f32> {
+    let own = voxel_radiance_unpack(voxel_radiance[6u * record + face]);
+    let random = random_hash(vec3(seed, record, face));
+    let jitter = vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z)) - 0.5;
+    let other = vec3<i32>(floor(met + jitter));
+    if all(other == voxel) || any(other < vec3(0)) || any(other >= vec3(i32(voxel_clipmap.levels[level].bricks) * 4)) {
+        return own;
+    }
+    let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (other >> vec3(2u)))];
+    let index = voxel_index(vec3<u32>(other & vec3(3)));
+    if !mask_holds(brick.xy, index) {
+        return own;
+    }
+    let neighbour = record_index(brick.zw, mask_rank(brick.xy, index));
+    if coverage_of_face(voxel_coverage[neighbour], face) == 0.0 {
+        return own;
+    }
+    return voxel_radiance_unpack(voxel_radiance[6u * neighbour + face]);
+}
+#endif
+
+// What a ray meets in a voxel whose low corner is at `low`, between `entry` and `span` voxels from there.
+fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: vec3<f32>, span: f32, travelled: f32) -> VoxelCrossing {
+    let covered = voxel_coverage[record];
+    var result = VoxelCrossing(1.0, vec3(0.0), 0.0);
+#ifdef PLAIN_CONES
+    // One opacity for all directions and one colour for all faces, by the length of the path; the start is kept clear
+    // by one voxel.
+    var opacity = 0.0;
+    var light = vec3(0.0);
+    var faces = 0.0;
+    for (var face = 0u; face < 6u; face++) {
+        let part = coverage_of_face(covered, face);
+        opacity = max(opacity, part);
+#ifdef TRACE_RADIANCE
+        light += part * voxel_radiance_unpack(voxel_radiance[6u * record + face]);
+#endif
+        faces += part;
+    }
+    if travelled + 0.5 * span < 1.0 {
+        return result;
+    }
+    let alpha = 1.0 - pow(max(1.0 - opacity, 1e-6), span);
+    result.transmittance = 1.0 - alpha;
+    result.radiance = light * (alpha / max(faces, 1e-6));
+    result.at = 0.5 * span;
+    return result;
+#else
+    let position = entry - vec3<f32>(low);
+    var planes: array<VoxelSurface, 6>;
+    for (var face = 0u; face < 6u; face++) {
+        if coverage_of_face(covered, face) > 0.0 {
+            planes[face] = voxel_surface_unpack(voxel_surfaces[6u * record + face], face);
+        }
+    }
+    var weights = 0.0;
+    var depth = 0.0;
+    for (var face = 0u; face < 6u; face++) {
+        if coverage_of_face(covered, face) == 0.0 {
+            continue;
+        }
+        let normal = planes[face].normal;
+        let point = planes[face].centroid;
+        let cosine = -dot(normal, ray.direction);
+        if cosine < MIN_COSINE {
+            continue;
+        }
+        let at = dot(position - point, normal) / cosine;
+        if at < -CROSSING_SLACK || at > span + CROSSING_SLACK || travelled + at <= 0.0 {
+            continue;
+        }
+        if travelled + at < OWN_DISTANCE && dot(normal, ray.normal) > OWN_COSINE {
+            continue;
+        }
+        // Where planes meet in the voxel, at an edge or in a corner, each of them ends at the other, and lies on the
+        // side of it on which its centroid is.
+        let met = position + at * ray.direction;
+        var share = plane_slice_share(normal, point);
+        var beyond = false;
+        for (var other = 0u; other < 6u; other++) {
+            if coverage_of_face(covered, other) == 0.0 || abs(dot(planes[other].normal, normal)) > SAME_COSINE {
+                continue;
+            }
+            let side = dot(point - planes[other].centroid, planes[other].normal);
+            if abs(side) > SIDE_SLACK {
+                beyond = beyond || dot(met - planes[other].centroid, planes[other].normal) * sign(side) < -CROSSING_SLACK;
+                // What fills its side up to the other plane has its centroid in the middle of it.
+                share *= min(2.0 * abs(side), 1.0);
+            }
+        }
+        if beyond {
+            continue;
+        }
+        let fullness = slice_fullness(plane_coverage(covered, normal), share);
+        // The faces that a plane is turned to share it: the squares of its normal's components add up to 1.
+        let component = normal[face >> 1u];
+        let part = component * component;
+        if fullness > 0.996 {
+            result.transmittance *= select(1.0, 0.0, part > 0.01);
+        } else {
+            result.transmittance *= pow(1.0 - fullness, part);
+        }
+        let weight = fullness * part;
+        weights += weight;
+        depth += weight * at;
+#ifdef TRACE_RADIANCE
+        result.radiance += weight * smooth_radiance(level, low, record, face, entry + ray.direction * at, ray.seed);
+#endif
+    }
+    let opacity = 1.0 - result.transmittance;
+    result.radiance *= opacity / max(weights, 1e-6);
+    result.at = max(depth / max(weights, 1e-6), 0.0);
+    return result;
+#endif
+}
+
+// What comes along a ray or a cone.
+fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
+    var result = VoxelTrace(vec3(0.0), 1.0, 0.0);
+    let reciprocal = select(
+        sign(ray.direction) * min(1.0 / max(abs(ray.direction), vec3(1e-20)), vec3(MAX_RECIPROCAL)),
+        vec3(MAX_RECIPROCAL),
+        ray.direction == vec3(0.0),
+    );
+    // Ends of cells lie ahead: at their high side where the ray goes up.
+    let ahead = select(vec3(0.0), vec3(1.0), ray.direction >= vec3(0.0));
+    var level = 0u;
+    var t = 0.0;
+    var distances = 0.0;
+    for (var step = 0u; step < MOST_STEPS; step++) {
+        if t >= ray.reach {
+            break;
+        }
+        let relative = ray.origin + t * ray.direction;
+        let width = 2.0 * t * ray.tangent;
+        // A level is left for a coarser one and never gone back to.
+        while level < voxel_clipmap.level_count
+            && (2.0 * voxel_clipmap.levels[level].voxel_size <= width && level + 1u < voxel_clipmap.level_count
+                || !inside_level(level, level_position(level, relative))) {
+            level++;
+        }
+        if level >= voxel_clipmap.level_count {
+            break;
+        }
+        // What is not yet known here may be known to a coarser level.
+        var here = level;
+        var position = level_position(here, relative);
+        var brick = brick_at(here, position);
+        while brick.w == BRICK_PENDING && all(brick.xy == vec2(0u)) && here + 1u < voxel_clipmap.level_count {
+            here++;
+            position = level_position(here, relative);
+            brick = brick_at(here, position);
+        }
+        let size = voxel_clipmap.levels[here].voxel_size;
+        if all(brick.xy == vec2(0u)) {
+            let exits = (4.0 * (floor(0.25 * position) + ahead) - position) * reciprocal;
+            t += size * (max(min(min(exits.x, exits.y), exits.z), 0.0) + STEP_BEYOND);
+            continue;
+        }
+        let low = floor(position);
+        let exits = (low + ahead - position) * reciprocal;
+        let span = max(min(min(exits.x, exits.y), exits.z), 0.0) + STEP_BEYOND;
+        let index = voxel_index(vec3<u32>(vec3<i32>(low) & vec3(3)));
+        if mask_holds(brick.xy, index) {
+            let record = record_index(brick.zw, mask_rank(brick.xy, index));
+            let crossing = cross_voxel(ray, here, vec3<i32>(low), record, position, span, t / size);
+            let met = t + size * crossing.at;
+            if met < ray.reach {
+                result.radiance += result.transmittance * crossing.radiance;
+                distances += result.transmittance * (1.0 - crossing.transmittance) * met;
+                result.transmittance *= crossing.transmittance;
+                if result.transmittance < MIN_TRANSMITTANCE {
+                    result.transmittance = 0.0;
+                    break;
+                }
+            }
+        }
+        t += size * span;
+    }
+    result.distance = distances / max(1.0 - result.transmittance, 1e-6);
+    return result;
+}
+
+// The brick at a position of a level, which may lie outside: empty there.
+fn brick_at(level: u32, position: vec3<f32>) -> vec4<u32> {
+    if !inside_level(level, position) {
+        return vec4(0u);
+    }
+    let brick = vec3<i32>(floor(0.25 * position));
+    return voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + brick)];
+}

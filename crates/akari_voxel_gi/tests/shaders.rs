@@ -1,0 +1,343 @@
+//! Every shader composes with Bevy's own modules and is valid for every set of shader definitions, and agrees with Rust on
+//! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
+
+use akari_gpu_test::{layout_fault, u32_constants};
+use akari_voxel_gi::types::*;
+use bevy::math::{IVec3, Vec3};
+use bevy::render::render_resource::ShaderType;
+use std::path::Path;
+
+#[path = "../../akari_render/tests/shader_composer/mod.rs"]
+mod shader_composer;
+
+use shader_composer::{Composer, Entry, choices, list_faults};
+
+const TYPES: &str = include_str!("../src/types.wgsl");
+
+/// Modules of this crate that the entry shaders import.
+const LIBRARIES: &[(&str, &str)] = &[
+    ("types.wgsl", TYPES),
+    ("store.wgsl", include_str!("../src/store.wgsl")),
+    ("trace.wgsl", include_str!("../src/trace.wgsl")),
+    ("records.wgsl", include_str!("../src/records.wgsl")),
+    ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
+    ("lighting.wgsl", include_str!("../src/lighting.wgsl")),
+];
+
+/// The voxels are bound as group 1 to what lights them.
+const LIT_GROUP: &[&[&str]] = &[&["VOXEL_GROUP=1"]];
+
+fn inject() -> Entry {
+    Entry {
+        file: "inject.wgsl",
+        source: include_str!("../src/inject.wgsl"),
+        entry_point: "inject",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&[], &["EMISSIVE"]],
+            &[&[], &["FEEDBACK"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
+
+fn gather() -> Entry {
+    Entry {
+        file: "gather.wgsl",
+        source: include_str!("../src/gather.wgsl"),
+        entry_point: "gather",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&["TRACE_RADIANCE", "FEEDBACK"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
+
+fn voxelize() -> Entry {
+    Entry {
+        file: "voxelize.wgsl",
+        source: include_str!("../src/voxelize.wgsl"),
+        entry_point: "voxelize",
+        definitions: choices(&[&[&[], &["EMISSIVE"]], &[&[], &["FEEDBACK"]]]),
+    }
+}
+
+fn mips() -> Entry {
+    Entry {
+        file: "mips.wgsl",
+        source: include_str!("../src/mips.wgsl"),
+        entry_point: "downsample",
+        definitions: choices(&[&[&[], &["EMISSIVE"]], &[&[], &["FEEDBACK"]]]),
+    }
+}
+
+fn release(definition: &'static str, entry_point: &'static str) -> Entry {
+    Entry {
+        file: "release.wgsl",
+        source: include_str!("../src/release.wgsl"),
+        entry_point,
+        definitions: vec![vec![definition]],
+    }
+}
+
+fn entries() -> [Entry; 7] {
+    [
+        inject(),
+        gather(),
+        voxelize(),
+        mips(),
+        release("RELEASE", "release"),
+        release("RECLAIM", "reclaim"),
+        release("COUNT", "count"),
+    ]
+}
+
+fn composer() -> Composer {
+    Composer::new(LIBRARIES, &entries().each_ref())
+}
+
+#[test]
+fn every_shader_is_valid_for_every_set_of_definitions() {
+    let mut composer = composer();
+    for entry in entries() {
+        if let Err(error) = composer.compose_all(&entry) {
+            panic!("{error}");
+        }
+    }
+}
+
+#[test]
+fn every_shader_and_definition_is_tried() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let faults = list_faults(&source, &entries().each_ref(), LIBRARIES);
+    assert_eq!(faults, [""; 0]);
+    let silent = Entry {
+        definitions: vec![vec![]],
+        ..voxelize()
+    };
+    let faults = list_faults(&source, &[&silent], LIBRARIES);
+    for missing in ["EMISSIVE", "mips.wgsl"] {
+        assert!(
+            faults.iter().any(|fault| fault.contains(missing)),
+            "{faults:?}"
+        );
+    }
+}
+
+/// What is wrong under one set of definitions only, is found under that one.
+#[test]
+fn wrong_shaders_are_noticed() {
+    let mut composer = composer();
+    let source = voxelize().source;
+    let wrong = source.replacen("vote(lane, reaches)", "vote(lane, 1.0)", 1);
+    assert_ne!(wrong, source);
+    assert!(composer.compose("a.wgsl", wrong, &[]).is_err());
+    let wrong = source.replacen("weight * shine", "weight + vec2(1.0)", 1);
+    assert_ne!(wrong, source);
+    assert!(composer.compose("b.wgsl", wrong.clone(), &[]).is_ok());
+    assert!(composer.compose("b.wgsl", wrong, &["EMISSIVE"]).is_err());
+}
+
+/// `types.wgsl` by itself, up to its function, which imports another.
+fn types_module(source: &str) -> naga::Module {
+    let source: String = source
+        .lines()
+        .take_while(|line| !line.starts_with("// Slot of a brick"))
+        .filter(|line| !line.starts_with('#'))
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    naga::front::wgsl::parse_str(&source).expect("types.wgsl")
+}
+
+#[test]
+fn constants_agree() {
+    let module = types_module(TYPES);
+    let mut found = u32_constants(&module);
+    // The one constant that is no u32 is `INWARD_SHIFT`.
+    assert_eq!(found.len() + 1, module.constants.len());
+    let (_, shift) = module
+        .constants
+        .iter()
+        .find(|(_, constant)| constant.name.as_deref() == Some("INWARD_SHIFT"))
+        .expect("INWARD_SHIFT");
+    assert!(matches!(
+        module.global_expressions[shift.init],
+        naga::Expression::Literal(naga::Literal::F32(value)) if value == INWARD_SHIFT
+    ));
+    for (name, value) in [
+        ("BRICK_VOXELS", BRICK_VOXELS),
+        ("FACES", FACES),
+        ("MOST_CASCADES", MOST_CASCADES),
+        ("MOST_LEVELS", MOST_LEVELS),
+        ("SMALLEST_TAIL", SMALLEST_TAIL),
+        ("MOST_PAGES", MOST_PAGES),
+        ("BRICK_PENDING", BRICK_PENDING),
+        ("ONE_SURFACE", ONE_SURFACE),
+        ("INSTANCE_TWO_SIDED", INSTANCE_TWO_SIDED),
+        ("INSTANCE_MIRRORED", INSTANCE_MIRRORED),
+        ("CLUSTER_TRIANGLES", CLUSTER_TRIANGLES),
+        ("POOL_HEADER", POOL_HEADER),
+        ("POOL_FREE", POOL_FREE),
+        ("POOL_RETURNED", POOL_RETURNED),
+        ("RELEASE_PENDING", RELEASE_PENDING),
+    ] {
+        assert_eq!(found.remove(name), Some(value), "{name}");
+    }
+    assert_eq!(BRICK_VOXELS, akari_math::voxel::brick::BRICK_EDGE.pow(3));
+    // What is left are the counters; the last name is that of `POOL_FREE`.
+    assert_eq!(COUNTER_NAMES.len() as u32, POOL_FREE + 1);
+    assert_eq!(found.len() as u32, POOL_FREE, "{found:?}");
+    for (constant, index) in found {
+        let word = constant
+            .strip_prefix("COUNTER_")
+            .unwrap_or_else(|| panic!("not compared: {constant}"))
+            .to_lowercase();
+        let name = COUNTER_NAMES[index as usize];
+        assert!(
+            name.split(' ').any(|part| part == word),
+            "{constant} = {index}: {name}"
+        );
+    }
+}
+
+/// [`layout_fault`] of a value of a struct in `source`.
+fn fault<T: ShaderType + encase::internal::WriteInto>(
+    source: &str,
+    name: &str,
+    value: &T,
+    fields: &[(&str, u32)],
+) -> Option<String> {
+    let mut buffer = encase::StorageBuffer::new(Vec::<u8>::new());
+    buffer.write(value).expect("a write to memory");
+    let module = types_module(source);
+    layout_fault(&module, name, T::min_size().get(), buffer.as_ref(), fields)
+}
+
+fn x(value: f32) -> Vec3 {
+    Vec3::new(value, 0.0, 0.0)
+}
+
+fn bits(value: f32) -> u32 {
+    value.to_bits()
+}
+
+fn marked_level() -> (GpuVoxelLevel, Vec<(&'static str, u32)>) {
+    let level = GpuVoxelLevel {
+        anchor: x(1.0),
+        voxel_size: 2.0,
+        origin: IVec3::new(3, 0, 0),
+        bricks: 4,
+        first_slot: 5,
+        finer: 6,
+        pad_a: 7,
+        pad_b: 8,
+    };
+    let fields = vec![
+        ("anchor", bits(1.0)),
+        ("voxel_size", bits(2.0)),
+        ("origin", 3),
+        ("bricks", 4),
+        ("first_slot", 5),
+        ("finer", 6),
+        ("pad_a", 7),
+        ("pad_b", 8),
+    ];
+    (level, fields)
+}
+
+#[test]
+fn structs_have_one_layout() {
+    let (level, fields) = marked_level();
+    assert_eq!(fault(TYPES, "VoxelLevel", &level, &fields), None);
+    let clipmap = GpuVoxelClipmap {
+        levels: [level; MOST_LEVELS as usize],
+        cascades: 11,
+        level_count: 12,
+        slots: 13,
+        pages: 14,
+    };
+    let fields = [
+        ("levels", bits(1.0)),
+        ("cascades", 11),
+        ("level_count", 12),
+        ("slots", 13),
+        ("pages", 14),
+    ];
+    assert_eq!(fault(TYPES, "VoxelClipmap", &clipmap, &fields), None);
+    let dirty = GpuDirtyBrick {
+        brick: IVec3::new(1, 0, 0),
+        level: 2,
+    };
+    let fields = [("brick", 1), ("level", 2)];
+    assert_eq!(fault(TYPES, "DirtyBrick", &dirty, &fields), None);
+    let instance = GpuVoxelInstance {
+        x_axis: x(1.0),
+        first_cluster: 2,
+        y_axis: x(3.0),
+        clusters: 4,
+        z_axis: x(5.0),
+        first_surface: 6,
+        offset: x(7.0),
+        albedo: 8,
+        cell: IVec3::new(9, 0, 0),
+        emission: 10,
+        low: x(11.0),
+        flags: 12,
+        high: x(13.0),
+        first_triangle: 14,
+    };
+    let fields = [
+        ("x_axis", bits(1.0)),
+        ("first_cluster", 2),
+        ("y_axis", bits(3.0)),
+        ("clusters", 4),
+        ("z_axis", bits(5.0)),
+        ("first_surface", 6),
+        ("offset", bits(7.0)),
+        ("albedo", 8),
+        ("cell", 9),
+        ("emission", 10),
+        ("low", bits(11.0)),
+        ("flags", 12),
+        ("high", bits(13.0)),
+        ("first_triangle", 14),
+    ];
+    assert_eq!(fault(TYPES, "VoxelInstance", &instance, &fields), None);
+    let job = GpuVoxelJob {
+        first: 1,
+        count: 2,
+        instances: 3,
+        pad: 4,
+    };
+    let fields = [("first", 1), ("count", 2), ("instances", 3), ("pad", 4)];
+    assert_eq!(fault(TYPES, "VoxelJob", &job, &fields), None);
+    let cluster = GpuVoxelCluster {
+        low: x(1.0),
+        first_triangle: 2,
+        high: x(3.0),
+        triangles: 4,
+    };
+    let fields = [
+        ("low", bits(1.0)),
+        ("first_triangle", 2),
+        ("high", bits(3.0)),
+        ("triangles", 4),
+    ];
+    assert_eq!(fault(TYPES, "VoxelCluster", &cluster, &fields), None);
+}
+
+#[test]
+fn another_layout_is_noticed() {
+    let (level, fields) = marked_level();
+    let swapped = TYPES.replacen(
+        "anchor: vec3<f32>,\n    voxel_size: f32,",
+        "voxel_size: f32,\n    anchor: vec3<f32>,",
+        1,
+    );
+    assert_ne!(swapped, TYPES);
+    assert!(fault(&swapped, "VoxelLevel", &level, &fields).is_some());
+    let mut marks = fields;
+    marks[4].1 = 6;
+    assert!(fault(TYPES, "VoxelLevel", &level, &marks).is_some());
+}

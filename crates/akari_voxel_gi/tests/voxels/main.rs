@@ -1,0 +1,6 @@
+//! Light in voxels that the CPU made: energy, leaks, feedback. On a device, without Bevy.
+
+mod build;
+mod furnace;
+mod leaks;
+mod passes;

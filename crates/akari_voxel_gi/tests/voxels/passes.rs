@@ -1,0 +1,233 @@
+//! The lighting passes over voxels from the CPU, run outside of Bevy.
+
+use crate::build::Voxels;
+use akari_gpu_test::{Gpu, Program, ProgramSource, ShaderDefinition, Words};
+use akari_math::voxel::packing::voxel_radiance_unpack;
+
+const UNKNOWN: u32 = u32::MAX;
+
+/// Modules of the crate, as their sources are, after those of `akari_math`.
+pub fn modules() -> Vec<(&'static str, &'static str)> {
+    let mut modules = akari_math::WGSL_MODULES.to_vec();
+    modules.extend([
+        (
+            "akari_voxel_gi::types",
+            include_str!("../../src/types.wgsl"),
+        ),
+        (
+            "akari_voxel_gi::trace",
+            include_str!("../../src/trace.wgsl"),
+        ),
+        (
+            "akari_voxel_gi::records",
+            include_str!("../../src/records.wgsl"),
+        ),
+        (
+            "akari_voxel_gi::diffuse",
+            include_str!("../../src/diffuse.wgsl"),
+        ),
+        (
+            "akari_voxel_gi::lighting",
+            include_str!("../../src/lighting.wgsl"),
+        ),
+    ]);
+    modules
+}
+
+/// Voxels on the device, and the passes over them.
+pub struct Lit<'a> {
+    gpu: &'a Gpu,
+    inject: Program,
+    gather: Program,
+    clipmap: Words,
+    bricks: Words,
+    coverage: Words,
+    surface: Words,
+    emission: Words,
+    owners: Words,
+    lights: Words,
+    light_count: u32,
+    irradiance: Words,
+    radiance: Words,
+    lighting: Words,
+    pages: u32,
+    plain: bool,
+    frame: u32,
+}
+
+/// How the faces gather.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    pub cones: u32,
+    /// Width of the cones over that of their cells of the hemisphere.
+    pub aperture: f32,
+    /// Share of a frame; `None` for the mean over all frames so far.
+    pub rate: Option<f32>,
+}
+
+pub fn definitions(plain: bool, more: &[&'static str]) -> Vec<(&'static str, ShaderDefinition)> {
+    let mut definitions = vec![("VOXEL_GROUP", ShaderDefinition::Number(1))];
+    if plain {
+        definitions.push(("PLAIN_CONES", ShaderDefinition::Set));
+    }
+    definitions.extend(more.iter().map(|&name| (name, ShaderDefinition::Set)));
+    definitions
+}
+
+impl<'a> Lit<'a> {
+    /// `lights`: four vectors a light, then corners.
+    pub fn new(
+        gpu: &'a Gpu,
+        voxels: &Voxels,
+        lights: &[[f32; 4]],
+        light_count: u32,
+        plain: bool,
+    ) -> Self {
+        let modules = modules();
+        let compile = |source, entry: &str, more: &[&'static str]| {
+            let definitions = definitions(plain, more);
+            let source = ProgramSource {
+                modules: &modules,
+                source,
+                definitions: &definitions,
+            };
+            Program::new(gpu, &source, entry).unwrap_or_else(|error| panic!("{entry}: {error}"))
+        };
+        let elements = voxels.emission.len();
+        let lights: Vec<u32> = lights
+            .iter()
+            .flatten()
+            .map(|x| x.to_bits())
+            .chain([0; 4])
+            .collect();
+        Self {
+            gpu,
+            inject: compile(
+                include_str!("../../src/inject.wgsl"),
+                "inject",
+                &["EMISSIVE", "FEEDBACK"],
+            ),
+            gather: compile(
+                include_str!("../../src/gather.wgsl"),
+                "gather",
+                &["TRACE_RADIANCE"],
+            ),
+            clipmap: Words::new(gpu, &voxels.clipmap),
+            bricks: Words::new(gpu, &voxels.bricks),
+            coverage: Words::new(gpu, &voxels.coverage),
+            surface: Words::new(gpu, &voxels.surface),
+            emission: Words::new(gpu, &voxels.emission),
+            owners: Words::new(gpu, &voxels.owners),
+            lights: Words::new(gpu, &lights),
+            light_count,
+            irradiance: Words::new(gpu, &vec![UNKNOWN; elements]),
+            radiance: Words::new(gpu, &vec![0; elements]),
+            lighting: Words::new(gpu, &[0; 12]),
+            pages: voxels.owners.len() as u32,
+            plain,
+            frame: 0,
+        }
+    }
+
+    fn buffers(&self) -> Vec<((u32, u32), &Words)> {
+        vec![
+            ((0, 0), &self.lighting),
+            ((0, 1), &self.owners),
+            ((0, 2), &self.lights),
+            ((0, 3), &self.emission),
+            ((0, 4), &self.irradiance),
+            ((0, 5), &self.radiance),
+            ((1, 0), &self.clipmap),
+            ((1, 1), &self.bricks),
+            ((1, 2), &self.coverage),
+            ((1, 3), &self.surface),
+            ((1, 4), &self.radiance),
+        ]
+    }
+
+    /// One frame: what leaves the voxels, then what they gather of it.
+    pub fn frame(&mut self, settings: Settings) {
+        let rate = settings.rate.unwrap_or(1.0 / (self.frame + 1) as f32);
+        let words = [
+            0,
+            0,
+            0,
+            self.light_count,
+            self.frame,
+            settings.cones,
+            rate.to_bits(),
+            settings.aperture.to_bits(),
+            1e6_f32.to_bits(),
+            4,
+            0,
+            0,
+        ];
+        self.lighting.write(self.gpu, &words);
+        let groups = [self.pages, 1, 1];
+        self.inject
+            .run(self.gpu, &self.buffers(), groups)
+            .expect("inject");
+        self.gather
+            .run(self.gpu, &self.buffers(), groups)
+            .expect("gather");
+        self.frame += 1;
+    }
+
+    /// Mean irradiance over the area of the faces of one level.
+    pub fn mean_irradiance(&self, voxels: &Voxels, level: usize) -> f64 {
+        let words = self.irradiance.read(self.gpu);
+        let (mut sum, mut area) = (0.0, 0.0);
+        for (word, &(part, at)) in words.iter().zip(&voxels.areas) {
+            if part > 0.0 && at == level {
+                assert_ne!(*word, UNKNOWN, "a face that nothing was gathered for");
+                sum += part * f64::from(voxel_radiance_unpack(*word).x);
+                area += part;
+            }
+        }
+        assert!(area > 0.0, "no faces");
+        sum / area
+    }
+
+    /// Runs a kernel over points: position relative to the anchor, normal, cones, aperture; returns irradiance,
+    /// openness and mean distance of each.
+    pub fn probe(&self, points: &[[f32; 8]], frame: u32) -> Vec<[f32; 4]> {
+        const SOURCE: &str = "
+#import akari_voxel_gi::diffuse::gather_diffuse
+@group(0) @binding(0) var<storage, read> points: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read_write> results: array<vec4<f32>>;
+@group(0) @binding(2) var<uniform> frame: vec4<u32>;
+@compute @workgroup_size(64)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&results) { return; }
+    let a = points[2u * id.x];
+    let b = points[2u * id.x + 1u];
+    let light = gather_diffuse(a.xyz, b.xyz, u32(a.w), b.w, 1e6, vec3(0.0), id.xy, frame.x);
+    results[id.x] = vec4(light.irradiance.x, light.irradiance.y, light.open, light.distance);
+}";
+        let modules = modules();
+        let definitions = definitions(self.plain, &["TRACE_RADIANCE"]);
+        let source = ProgramSource {
+            modules: &modules,
+            source: SOURCE,
+            definitions: &definitions,
+        };
+        let program =
+            Program::new(self.gpu, &source, "probe").unwrap_or_else(|error| panic!("{error}"));
+        let words: Vec<u32> = points.iter().flatten().map(|x| x.to_bits()).collect();
+        let given = Words::new(self.gpu, &words);
+        let results = Words::new(self.gpu, &vec![f32::NAN.to_bits(); 4 * points.len()]);
+        let frame = Words::new(self.gpu, &[frame, 0, 0, 0]);
+        let mut buffers = self.buffers();
+        buffers.retain(|((group, _), _)| *group == 1);
+        buffers.extend([((0, 0), &given), ((0, 1), &results), ((0, 2), &frame)]);
+        let groups = (points.len() as u32).div_ceil(64);
+        program
+            .run(self.gpu, &buffers, [groups, 1, 1])
+            .expect("probe");
+        let words = results.read(self.gpu);
+        words
+            .chunks_exact(4)
+            .map(|row| [0, 1, 2, 3].map(|i| f32::from_bits(row[i])))
+            .collect()
+    }
+}

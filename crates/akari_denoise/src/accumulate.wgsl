@@ -332,7 +332,13 @@ fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
         }
     }
 #endif
-    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
+#ifdef HISTORY
+    let rounding = dither(vec2<u32>(pixel), denoise.frame);
+#else
+    // Nothing is added to it later, so that the smaller error counts.
+    let rounding = vec3(0.5);
+#endif
+    textureStore(estimates, pixel, vec4(radiance_pack(color, rounding)));
     return frames;
 }
 

@@ -3,8 +3,8 @@
 // Weight of a neighbour in a stage of the filter, by the method at hand.
 
 #import akari_math::lobe_weight::{
-    anisotropic_log_weight, axis_aligned_log_weight, distribution_log_weight, lobe_log_weight_auto, normal_log_weight,
-    plane_log_weight, spatial_log_weight,
+    anisotropic_log_weight, axis_aligned_log_weight, distribution_log_weight, normal_log_weight, plane_log_weight,
+    smoothed_lobe_log_weight_exact, spatial_log_weight,
 }
 #import akari_math::noise_estimate::guided_log_weight
 #import akari_math::signal_packing::radiance_unpack
@@ -68,8 +68,8 @@ fn stage_log_weight(
         a.axis, a.tangent, a.variance, b.axis, b.tangent, b.variance, beta, inverse_kappa,
     );
 #else
-    log_weight += lobe_log_weight_auto(
-        guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, beta, inverse_kappa,
+    log_weight += smoothed_lobe_log_weight_exact(
+        guide.axis, guide.inverse_sharpness + inverse_kappa, other.axis, other.inverse_sharpness + inverse_kappa, beta,
     );
 #endif
 #endif

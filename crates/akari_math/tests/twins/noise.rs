@@ -31,6 +31,7 @@ pub fn cases() -> Vec<Case> {
                 "prediction_error_scale",
                 "guided_log_weight",
                 "coherence_share",
+                "noise_excess",
                 "noise_cap",
                 "relative_noise_log",
                 "change_limit_squared",
@@ -44,7 +45,7 @@ pub fn cases() -> Vec<Case> {
                 y(3u, noise_cap(min(abs(x(10u)), 0.2)));
                 y(4u, relative_noise_log(u32(abs(x(0u)) * 8.0)));
                 let wide = min(abs(x(11u)), 0.3);
-                y(5u, change_limit_squared(min(x(5u), 1.0), wide));
+                y(5u, change_limit_squared(min(x(5u), 0.01), wide));
                 y_vec3(6u, limited_change(x_vec3(2u) / max(length(x_vec3(2u)), 1e-3), change_limit_squared(0.01, wide)));",
             inputs: 18,
             outputs: 9,
@@ -64,7 +65,7 @@ pub fn cases() -> Vec<Case> {
                     relative_noise_log((x[0].abs() * 8.0) as u32),
                 ]);
                 let wide = x[11].abs().min(0.3);
-                y.push(change_limit_squared(x[5].min(1.0), wide));
+                y.push(change_limit_squared(x[5].min(0.01), wide));
                 let change = vec3(x, 2) / vec3(x, 2).length().max(1e-3);
                 push3(
                     y,
@@ -85,7 +86,7 @@ pub fn cases() -> Vec<Case> {
                 let code = ((x[0].abs() * 8.0) as u32 & 0xff).max(1) - 1;
                 y.push(f64::from(code) * 13.3 / 254.0 - 10.0);
                 let deviations = 3.0 * (x[11].abs().min(0.3) / 0.12).max(1.0);
-                y.push(deviations.powi(2) * x[5].min(1.0));
+                y.push(deviations.powi(2) * x[5].min(0.01));
                 let length = (x[2] * x[2] + x[3] * x[3] + x[4] * x[4]).sqrt();
                 let scale = 1.0 / length.max(1e-3);
                 let rms = length * scale / 3f64.sqrt();

@@ -2,10 +2,12 @@
 //!
 //! `cargo bench -p bevy_akari_benches --bench denoise -- [PART…] [--side=256] [--quick]`. Parts: `methods` (Figures 4 and
 //! 5 of Tokuyoshi 2015), `beta` (Figure 6), `guided` (the default method, 1 to 256 samples a pixel), `history`,
-//! `upsampling`, `cost`. References are traced once and kept in `target/references`.
+//! `upsampling`, `overhead` (of lobe-aware over normal-aware weights), `cost`. Pictures are traced once and kept in
+//! `target/references`.
 
 use bevy_akari::buffers::BufferDenoiser;
 use bevy_akari::prelude::*;
+use bevy_akari::render::quality::Knobs;
 use bevy_akari_tests::denoise::{Lab, accumulate, filter, psnr, sampled};
 use bevy_akari_tests::headless_or_skip;
 use std::collections::BTreeMap;
@@ -83,6 +85,9 @@ fn main() {
     if plan.wants("upsampling") {
         upsampling(&plan);
     }
+    if plan.wants("overhead") {
+        overhead(&plan);
+    }
     if plan.wants("cost") {
         cost(&plan);
     }
@@ -123,7 +128,7 @@ fn methods(plan: &Plan) {
         let truth = lab.reference(plan.reference);
         let mut denoiser = denoiser(&lab, paper());
         for spp in [1, 4, 16] {
-            let input = lab.input(spp, 7);
+            let input = lab.kept_input(spp, 7);
             let before = lab.mse(&input, &truth, |_| true);
             print!("{name:20} {spp:4}");
             let plain = |method, anisotropic| Denoise {
@@ -191,7 +196,7 @@ fn beta_sweep(plan: &Plan) {
             let lab = plan.lab(name);
             let truth = lab.reference(plan.reference);
             let mut denoiser = denoiser(&lab, paper());
-            let input = lab.input(4, 7);
+            let input = lab.kept_input(4, 7);
             let before = lab.mse(&input, &truth, |_| true);
             let mut least = (f64::INFINITY, 0.0);
             print!("{name:14}");
@@ -231,65 +236,87 @@ fn beta_sweep(plan: &Plan) {
     println!();
 }
 
+/// What the guided method is tried with: the presets, and other kernels.
+fn guided_settings() -> [(&'static str, Denoise); 6] {
+    let preset = |quality| Denoise {
+        history: 1,
+        ..Denoise::preset(quality)
+    };
+    let other = |kernel, radius, levels| Denoise {
+        method: Method::Guided,
+        kernel,
+        radius,
+        levels,
+        ..preset(Quality::Medium)
+    };
+    [
+        ("default", preset(Quality::Medium)),
+        ("low", preset(Quality::Low)),
+        (
+            "ultra",
+            Denoise {
+                anisotropic: false,
+                ..preset(Quality::Ultra)
+            },
+        ),
+        ("full 10", other(Kernel::Full, 10, 3)),
+        ("separ. 6", other(Kernel::Separable, 6, 3)),
+        ("5 levels", other(Kernel::ATrous, 2, 5)),
+    ]
+}
+
 fn guided(plan: &Plan) {
-    println!("guided, one parameter set: error (MSE) over that of the input");
     println!(
-        "scene                spp  full     separable  a-trous 3  a-trous 5   sharp patches (full)"
+        "guided, one parameter set: error (MSE) over that of the input; ultra without ellipses"
     );
+    print!("scene                spp");
+    for (name, _) in guided_settings() {
+        print!("  {name:>8}");
+    }
+    println!("   sharp patches alone: default, ultra");
+    let mut worst = (0.0, String::new());
     for name in [
         "roughness_map",
         "incident_edge",
         "cornell",
-        "cornell",
         "sphere_sharp",
+        "sphere_medium",
         "sphere_rough",
         "normal_mapped",
         "moving_object",
         "gallery",
         "floor_light",
         "many_lights",
+        "spheres_quad",
         "spheres_textured",
     ] {
         let lab = plan.lab(name);
         let truth = lab.reference(plan.reference);
-        let settings = Denoise {
-            method: Method::Guided,
-            history: 1,
-            ..paper()
-        };
-        let mut denoiser = denoiser(&lab, settings);
+        let mut denoiser = denoiser(&lab, guided_settings()[0].1);
         for spp in [1, 4, 16, 64, 256] {
-            let input = lab.input(spp, 7);
+            let input = lab.kept_input(spp, 7);
             let before = lab.mse(&input, &truth, |_| true);
             print!("{name:20} {spp:4}");
-            let mut sharp = None;
-            for (kernel, levels) in [
-                (Kernel::Full, 5),
-                (Kernel::Separable, 5),
-                (Kernel::ATrous, 3),
-                (Kernel::ATrous, 5),
-            ] {
-                denoiser.set_settings(Denoise {
-                    kernel,
-                    levels,
-                    ..settings
-                });
+            let mut sharp = String::new();
+            for (column, settings) in guided_settings() {
+                denoiser.set_settings(settings);
                 let output = filter(&mut denoiser, &input);
-                print!("  {:8.4}", lab.mse(&output, &truth, |_| true) / before);
-                if name == "roughness_map" && kernel == Kernel::Full {
+                let ratio = lab.mse(&output, &truth, |_| true) / before;
+                print!("  {ratio:8.4}");
+                if ratio > worst.0 {
+                    worst = (ratio, format!("{name}, {spp} samples, {column}"));
+                }
+                if name == "roughness_map" && matches!(column, "default" | "ultra") {
                     let is_sharp = |i: usize| lab.aovs.roughness[i] < 0.2;
-                    sharp = Some(
-                        lab.mse(&output, &truth, is_sharp) / lab.mse(&input, &truth, is_sharp),
-                    );
+                    let ratio =
+                        lab.mse(&output, &truth, is_sharp) / lab.mse(&input, &truth, is_sharp);
+                    sharp += &format!("  {ratio:8.4}");
                 }
             }
-            match sharp {
-                Some(ratio) => println!("   {ratio:8.4}"),
-                None => println!(),
-            }
+            println!(" {sharp}");
         }
     }
-    println!();
+    println!("largest: {:.4} ({})\n", worst.0, worst.1);
 }
 
 fn history(plan: &Plan) {
@@ -323,46 +350,145 @@ fn history(plan: &Plan) {
     println!();
 }
 
+/// Upsampling alone, without a filter, by the parameters of the paper.
+fn spread_only(method: Method) -> Denoise {
+    Denoise {
+        method,
+        radius: 0,
+        history: 32,
+        ..paper()
+    }
+}
+
 fn upsampling(plan: &Plan) {
-    println!("upsampling: PSNR in dB against the full resolution, signal of 256 samples a pixel");
-    println!("scene            scale    normal: spatial, 16 frames   lobe: spatial, 16 frames");
-    for name in ["normal_mapped", "roughness_map"] {
-        let lab = plan.lab(name);
-        let truth = lab.reference(plan.reference);
-        let clean = lab.input(256, 3);
+    println!(
+        "upsampling: PSNR in dB against the full resolution of the same picture of 64 samples a pixel; beta 20, kappa \
+         100, sigma_n^2 0.01; in time: 16 frames, each of whose samples stays where it is"
+    );
+    println!(
+        "scene          pixels  scale     in space: normal    lobe  guided   in time    both: normal    lobe"
+    );
+    // At 1/4, the ripples of the normal map are finer than the samples in a picture of half the size.
+    for (name, side) in [
+        ("normal_mapped", 256),
+        ("normal_mapped", plan.side.min(160)),
+        ("roughness_map", plan.side),
+    ] {
+        let lab = Lab::new(name, side, 3);
+        let clean = lab.reference(64);
         for scale in [SignalScale::Half, SignalScale::Quarter] {
-            print!("{name:16} {scale:?}");
-            for method in [Method::Normal, Method::Lobe] {
-                // Upsampling alone: the smallest kernel, so that nothing but the samples' spread shows.
-                let settings = Denoise {
-                    method,
-                    radius: 1,
-                    kernel: Kernel::Full,
-                    beta: 1000.0,
-                    kappa: 1e9,
-                    sigma_n_squared: 1e-6,
-                    history: 32,
-                    ..paper()
-                };
-                let settings = if method == Method::Normal {
-                    Denoise {
-                        sigma_n_squared: 0.01,
-                        ..settings
-                    }
-                } else {
-                    settings
-                };
+            print!("{name:14} {side:4}²   {scale:8?}");
+            let run = |settings: Denoise, frames: u32| {
                 let mut denoiser = denoiser(&lab, settings);
-                for frame in 0..16 {
+                for frame in 0..frames {
                     let signal = sampled(&clean, lab.side, scale, frame);
                     accumulate(&mut denoiser, &signal, scale, frame, frame == 0);
-                    if frame == 0 || frame == 15 {
-                        let output = denoiser.read().expect("it can be read");
-                        print!("   {:6.2}", psnr(lab.mse(&output, &truth, |_| true)));
+                }
+                let output = denoiser.read().expect("it can be read");
+                psnr(lab.mse(&output, &clean, |_| true))
+            };
+            // So narrow that only the likest sample counts.
+            let nearest = Denoise {
+                beta: 1000.0,
+                kappa: 1e9,
+                ..spread_only(Method::Lobe)
+            };
+            print!("        {:8.2}", run(spread_only(Method::Normal), 1));
+            print!("{:8.2}", run(spread_only(Method::Lobe), 1));
+            print!("{:8.2}", run(spread_only(Method::Guided), 1));
+            print!("  {:8.2}", run(nearest, 16));
+            print!("        {:8.2}", run(spread_only(Method::Normal), 16));
+            println!("{:8.2}", run(spread_only(Method::Lobe), 16));
+        }
+    }
+    println!();
+}
+
+/// Frames that are timed in turn, and such that are not since pipelines and caches are cold.
+const TIMED_FRAMES: u32 = 24;
+const COLD_FRAMES: u32 = 3;
+
+fn overhead(plan: &Plan) {
+    println!(
+        "lobe-aware over normal-aware: GPU time of the pass, least of {TIMED_FRAMES} frames in turn, and their ratio"
+    );
+    let lab = plan.lab("roughness_map");
+    let input = lab.kept_input(1, 7);
+    let filters = [
+        ("full 10", Kernel::Full, 10),
+        ("a-trous 3", Kernel::ATrous, 2),
+    ];
+    let mut rows: Vec<(String, Denoise, SignalScale, &str)> = Vec::new();
+    for (name, kernel, radius) in filters {
+        let settings = Denoise {
+            kernel,
+            radius,
+            levels: 3,
+            ..paper()
+        };
+        rows.push((
+            format!("filter, {name}"),
+            settings,
+            SignalScale::Full,
+            "stage",
+        ));
+    }
+    for (name, scale, frames) in [
+        ("upsampling 1/2", SignalScale::Half, 1),
+        ("upsampling 1/4", SignalScale::Quarter, 1),
+        ("upsampling 1/2, history", SignalScale::Half, 32),
+        ("upsampling 1/4, history", SignalScale::Quarter, 32),
+    ] {
+        let settings = Denoise {
+            history: frames,
+            ..spread_only(Method::Lobe)
+        };
+        rows.push((name.to_owned(), settings, scale, "accumulate"));
+    }
+    for stored in [true, false] {
+        for (name, settings, scale, span) in &rows {
+            let mut pair = [Method::Normal, Method::Lobe].map(|method| {
+                let mut denoiser = denoiser(
+                    &lab,
+                    Denoise {
+                        method,
+                        ..*settings
+                    },
+                );
+                let camera = denoiser.camera;
+                let world = denoiser.headless.app.world_mut();
+                world.entity_mut(camera).insert(SpecularLobes {
+                    stored,
+                    ..SpecularLobes::default()
+                });
+                denoiser
+            });
+            let mut times = [Vec::new(), Vec::new()];
+            for frame in 0..COLD_FRAMES + TIMED_FRAMES {
+                let signal = sampled(&input, lab.side, *scale, frame);
+                for (denoiser, times) in pair.iter_mut().zip(&mut times) {
+                    accumulate(denoiser, &signal, *scale, frame, frame == 0);
+                    let ms: f64 = denoiser
+                        .headless
+                        .gpu_times()
+                        .iter()
+                        .filter(|(label, _)| {
+                            label.starts_with("akari_denoise") && label.contains(span)
+                        })
+                        .map(|(_, ms)| ms)
+                        .sum();
+                    if frame >= COLD_FRAMES {
+                        times.push(ms);
                     }
                 }
             }
-            println!();
+            // The least: whatever else the machine does only adds to it.
+            let [normal, lobe] = times.map(|times| times.into_iter().fold(f64::INFINITY, f64::min));
+            println!(
+                "lobes {}: {name:26} normal {normal:7.3} ms, lobe {lobe:7.3} ms, {:+6.1} %",
+                if stored { "stored    " } else { "recomputed" },
+                100.0 * (lobe / normal - 1.0)
+            );
         }
     }
     println!();

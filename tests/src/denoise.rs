@@ -89,13 +89,25 @@ impl Lab {
     /// # Panics
     /// If the scene cannot be rendered, or the file not be written.
     pub fn reference(&self, spp: u32) -> Vec<[f32; 3]> {
-        let file = self.cached(&format!("{spp}spp"));
+        self.kept(&format!("{spp}spp"), spp, REFERENCE_SEED)
+    }
+
+    /// A noisy picture that is kept in the target folder, for benches that ask for the same one again and again.
+    ///
+    /// # Panics
+    /// If the scene cannot be rendered, or the file not be written.
+    pub fn kept_input(&self, spp: u32, seed: u64) -> Vec<[f32; 3]> {
+        self.kept(&format!("{spp}spp_seed{seed}"), spp, seed)
+    }
+
+    fn kept(&self, what: &str, spp: u32, seed: u64) -> Vec<[f32; 3]> {
+        let file = self.cached(what);
         if let Ok(image) = read_rgb(&file)
             && image.data.len() == (self.side * self.side) as usize
         {
             return image.data;
         }
-        let data = self.input(spp, REFERENCE_SEED);
+        let data = self.input(spp, seed);
         std::fs::create_dir_all(file.parent().expect("a folder")).expect("the target folder");
         let image = RgbImage {
             width: self.side,

@@ -1,7 +1,7 @@
 // One estimate per pixel from the samples of this frame and the history: joint bilateral upsampling, reprojection.
 
 #import bevy_render::view::View
-#import akari_math::lobe_weight::{combined_weight, lobe_log_weight, plane_log_weight}
+#import akari_math::lobe_weight::{combined_weight, plane_log_weight, smoothed_lobe_log_weight}
 #import akari_math::ggx::ReflectionLobe
 #import akari_math::reprojection::{plane_disocclusion, virtual_hit_point, virtual_motion_weight}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
@@ -138,8 +138,12 @@ fn history_at(place: vec2<f32>, moving: bool, guide: Guide) -> History {
             continue;
         }
         let lobe = previous_lobe(before, position);
-        let alike = combined_weight(lobe_log_weight(
-            guide.axis, guide.inverse_sharpness, lobe.axis, lobe.inverse_sharpness, HISTORY_BETA, HISTORY_INVERSE_KAPPA,
+        let alike = combined_weight(smoothed_lobe_log_weight(
+            guide.axis,
+            guide.inverse_sharpness + HISTORY_INVERSE_KAPPA,
+            lobe.axis,
+            lobe.inverse_sharpness + HISTORY_INVERSE_KAPPA,
+            HISTORY_BETA,
         ));
         let toward = select(1.0 - fraction, fraction, step == vec2(1));
         let weight = toward.x * toward.y * alike;
@@ -332,7 +336,13 @@ fn accumulate_pixel(pixel: vec2<i32>) -> f32 {
         }
     }
 #endif
-    textureStore(estimates, pixel, vec4(radiance_pack(color, dither(vec2<u32>(pixel), denoise.frame))));
+#ifdef HISTORY
+    let rounding = dither(vec2<u32>(pixel), denoise.frame);
+#else
+    // Nothing is added to it later, so that the smaller error counts.
+    let rounding = vec3(0.5);
+#endif
+    textureStore(estimates, pixel, vec4(radiance_pack(color, rounding)));
     return frames;
 }
 

@@ -1,13 +1,20 @@
 // One stage of the spatial filter: a weighted mean over neighbours that reflect the same light. The last stage is drawn
 // into the picture, or into the image that receives the signal.
+//
+// What a stage hands on is how far it has changed the estimates: the rounding of a small change is smaller than that of
+// the whole, and what a stage leaves alone stays as it is to the last bit.
 
 #ifdef LAST_STAGE
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #endif
 #import akari_math::lobe_weight::combined_weight
-#import akari_math::signal_packing::{radiance_pack, radiance_unpack}
+#import akari_math::noise_estimate::{limited_change, residual_pack, residual_unpack}
+#import akari_math::signal_packing::{MAX_RADIANCE, radiance_unpack}
 #import akari_denoise::signal::{demodulation, load_guide}
-#import akari_denoise::types::{DenoiseStage, DenoiseView, dither}
+#import akari_denoise::types::{DenoiseStage, DenoiseView}
+#ifdef EXACT_SIGNAL
+#import akari_denoise::upsample::demodulated
+#endif
 #import akari_denoise::weights::{center_of, stage_log_weight}
 #import akari_lobes::guides::Guide
 
@@ -16,14 +23,38 @@
 @group(1) @binding(2) var estimates: texture_2d<u32>;
 @group(1) @binding(3) var prefiltered: texture_2d<u32>;
 #ifndef LAST_STAGE
+// What this stage and those before it have changed.
 @group(1) @binding(4) var filtered: texture_storage_2d<r32uint, write>;
 #endif
+#ifdef CHANGED
+// What the stages before this one have changed.
+@group(1) @binding(5) var changes: texture_2d<u32>;
+#endif
+#ifdef EXACT_SIGNAL
+// What the estimates are made of, where each is made of one texel and nothing else.
+@group(1) @binding(6) var signal: texture_2d<f32>;
+#endif
 
-fn filter_pixel(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
+fn load_estimate(pixel: vec2<i32>) -> vec3<f32> {
+    return radiance_unpack(textureLoad(estimates, pixel, 0).r);
+}
+
+// What the stages before this one have added to an estimate.
+fn load_change(pixel: vec2<i32>) -> vec3<f32> {
+#ifdef CHANGED
+    return residual_unpack(textureLoad(changes, pixel, 0).r);
+#else
+    return vec3(0.0);
+#endif
+}
+
+// What this stage and those before it add to a pixel; `own` takes the place of its estimate.
+fn filter_pixel(pixel: vec2<i32>, guide: Guide, own: vec3<f32>) -> vec3<f32> {
     let last = vec2<i32>(denoise.size) - 1;
     let center = center_of(pixel, guide, prefiltered);
     // The pixel itself counts fully, so that the sum of weights is never 0.
-    var sum = radiance_unpack(textureLoad(estimates, pixel, 0).r);
+    let before = load_change(pixel);
+    var sum = vec3(0.0);
     var weights = 1.0;
     for (var y = -stage.radius.y; y <= stage.radius.y; y++) {
         for (var x = -stage.radius.x; x <= stage.radius.x; x++) {
@@ -38,11 +69,17 @@ fn filter_pixel(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
             }
             let log_weight = stage_log_weight(center, neighbor, other, vec2<f32>(offset), denoise, stage, prefiltered);
             let weight = combined_weight(log_weight);
-            sum += weight * radiance_unpack(textureLoad(estimates, neighbor, 0).r);
+            sum += weight * ((load_estimate(neighbor) - own) + (load_change(neighbor) - before));
             weights += weight;
         }
     }
-    return sum / weights;
+    let change = before + sum / weights;
+#ifdef LAST_STAGE
+#ifdef METHOD_GUIDED
+    return limited_change(change, center.limit_squared);
+#endif
+#endif
+    return change;
 }
 
 #ifdef LAST_STAGE
@@ -53,7 +90,13 @@ fn filter_last(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     if !guide.valid {
         return vec4(0.0);
     }
-    return vec4(filter_pixel(pixel, guide) * demodulation(pixel, guide), 0.0);
+#ifdef EXACT_SIGNAL
+    let own = min(demodulated(signal, pixel, pixel, guide), vec3(MAX_RADIANCE));
+#else
+    let own = load_estimate(pixel);
+#endif
+    let color = max(own + filter_pixel(pixel, guide, own), vec3(0.0));
+    return vec4(color * demodulation(pixel, guide), 0.0);
 }
 #else
 @compute @workgroup_size(8, 8, 1)
@@ -65,7 +108,7 @@ fn filter_stage(@builtin(global_invocation_id) id: vec3<u32>) {
     let guide = load_guide(pixel);
     var packed = 0u;
     if guide.valid {
-        packed = radiance_pack(filter_pixel(pixel, guide), dither(id.xy, denoise.frame * 8u + stage.index));
+        packed = residual_pack(filter_pixel(pixel, guide, load_estimate(pixel)));
     }
     textureStore(filtered, pixel, vec4(packed));
 }

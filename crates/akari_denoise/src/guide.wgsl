@@ -1,17 +1,17 @@
 // The prefiltered image that the filter goes by, and the variance of its noise.
 
 #import akari_math::lobe_weight::combined_weight
-#import akari_math::noise_estimate::noise_cap
+#import akari_math::noise_estimate::{change_limit_squared, noise_cap}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 #import akari_denoise::likeness::guide_log_weight
 #import akari_denoise::signal::load_guide
-#import akari_denoise::types::{DenoiseView, dither, luminance, noise_unpack}
+#import akari_denoise::types::{DenoiseView, guide_pack, luminance, noise_unpack}
 #import akari_lobes::guides::Guide
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
 @group(1) @binding(1) var estimates: texture_2d<u32>;
 @group(1) @binding(2) var noise: texture_2d<u32>;
-// Radiance, and the bits of the variance of a channel.
+// Radiance; variance of a channel, and how far it may be changed.
 @group(1) @binding(3) var prefiltered: texture_storage_2d<rg32uint, write>;
 
 // Neighbours to each side, and the standard deviation of the screen-space Gaussian, pixels.
@@ -36,9 +36,15 @@ fn ring(i: i32) -> vec2<i32> {
     return vec2(i % 3 - 1, i / 3 - 1);
 }
 
-// Noise of a pixel: where structure hides it, the least of what is found around; and where all around has little, no
-// more than that allows, since a spike there is a highlight.
-fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> f32 {
+// Variance of the noise of a pixel, and relative noise all around: where structure hides a pixel's noise, the least of
+// what is found around; and where all around has little, no more than that allows, since a spike there is a highlight.
+struct Settled {
+    variance: f32,
+    most: f32,
+    wide: f32,
+}
+
+fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> Settled {
     let own = noise_unpack(textureLoad(noise, pixel, 0).r);
     var variance = own.variance;
     if own.hidden > 0.0 {
@@ -70,7 +76,7 @@ fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> f32 {
     }
     let wide = select(UNKNOWN_NOISE, exp2(logarithms / max(count, 1.0)), count > LEAST_WIDE);
     let most = noise_cap(wide) * level;
-    return min(variance, most * most);
+    return Settled(min(variance, most * most), most * most, wide);
 }
 
 @compute @workgroup_size(8, 8, 1)
@@ -82,8 +88,10 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
     let guide = load_guide(pixel);
     var color = vec3(0.0);
     var variance = 0.0;
+    var limit_squared = 0.0;
     if guide.valid {
         var sum = vec3(0.0);
+        var sum_noise = 0.0;
         var sum_squares = 0.0;
         var weights = 0.0;
         var weights_squared = 0.0;
@@ -101,7 +109,11 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
                 let weight = combined_weight(guide_log_weight(guide, other) - screen);
                 let radiance = radiance_unpack(textureLoad(estimates, neighbor, 0).r);
                 sum += weight * radiance;
+#ifdef METHOD_DISTRIBUTION
                 sum_squares += weight * luminance(radiance) * luminance(radiance);
+#else
+                sum_noise += weight * noise_unpack(textureLoad(noise, neighbor, 0).r).variance;
+#endif
                 weights += weight;
                 weights_squared += weight * weight;
             }
@@ -112,9 +124,11 @@ fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
         variance = max(sum_squares / weights - luminance(color) * luminance(color), 0.0);
 #else
         let level = max((color.x + color.y + color.z) * (1.0 / 3.0), 1e-6);
-        variance = settled_noise(pixel, guide, level) * weights_squared / (weights * weights);
+        let settled = settled_noise(pixel, guide, level);
+        variance = settled.variance * weights_squared / (weights * weights);
+        // A pixel that stands out from its neighbours has none that foretell its noise: that all around it counts.
+        limit_squared = change_limit_squared(min(sum_noise / weights, settled.most), settled.wide);
 #endif
     }
-    let packed = radiance_pack(color, dither(id.xy, denoise.frame * 8u + 7u));
-    textureStore(prefiltered, pixel, vec4(packed, bitcast<u32>(variance), 0u, 0u));
+    textureStore(prefiltered, pixel, vec4(radiance_pack(color, vec3(0.5)), guide_pack(variance, limit_squared), 0u, 0u));
 }

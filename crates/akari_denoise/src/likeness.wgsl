@@ -2,7 +2,7 @@
 
 // Likeness of two pixels by surface and lobe as the guided method sees it.
 
-#import akari_math::lobe_weight::{lobe_log_weight_auto, plane_log_weight}
+#import akari_math::lobe_weight::{plane_log_weight, smoothed_lobe_log_weight_exact}
 #import akari_lobes::guides::Guide
 
 // Exponent of the lobes' likeness, and the inverse smoothing sharpness: narrow where noise is told from structure, which
@@ -19,5 +19,7 @@ fn inverse_plane_scale(guide: Guide) -> f32 {
 
 fn guide_log_weight(i: Guide, j: Guide) -> f32 {
     return plane_log_weight(i.normal_ws, j.normal_ws, j.position_rel - i.position_rel, inverse_plane_scale(i))
-        + lobe_log_weight_auto(i.axis, i.inverse_sharpness, j.axis, j.inverse_sharpness, GUIDED_BETA, NOISE_INVERSE_KAPPA);
+        + smoothed_lobe_log_weight_exact(
+            i.axis, i.inverse_sharpness + NOISE_INVERSE_KAPPA, j.axis, j.inverse_sharpness + NOISE_INVERSE_KAPPA, GUIDED_BETA,
+        );
 }

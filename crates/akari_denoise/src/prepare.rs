@@ -241,19 +241,18 @@ fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
     let radius = settings.radius.min(16) as i32;
     // The kernel ends at two standard deviations.
     let sigma = 0.5 * radius.max(1) as f32;
-    let stage = |index: u32, radius: IVec2, stride: i32, sigma: f32| GpuDenoiseStage {
+    let stage = |radius: IVec2, stride: i32, sigma: f32| GpuDenoiseStage {
         radius,
         stride,
         inverse_two_sigma_squared: 0.5 / (sigma * sigma),
         sigma,
-        index,
         cursor: Vec2::NEG_ONE,
     };
     match settings.kernel {
-        Kernel::Full => vec![stage(0, IVec2::splat(radius), 1, sigma)],
+        Kernel::Full => vec![stage(IVec2::splat(radius), 1, sigma)],
         Kernel::Separable => vec![
-            stage(0, IVec2::new(radius, 0), 1, sigma),
-            stage(1, IVec2::new(0, radius), 1, sigma),
+            stage(IVec2::new(radius, 0), 1, sigma),
+            stage(IVec2::new(0, radius), 1, sigma),
         ],
         Kernel::ATrous => {
             let radius = IVec2::splat(settings.radius.min(A_TROUS_RADIUS) as i32);
@@ -265,7 +264,7 @@ fn stages(settings: &Denoise) -> Vec<GpuDenoiseStage> {
             (0..stage_count(settings))
                 .map(|level| {
                     let stride = 1 << level;
-                    stage(level, radius, stride, sigma * stride as f32)
+                    stage(radius, stride, sigma * stride as f32)
                 })
                 .collect()
         }
@@ -611,7 +610,7 @@ impl<'a> Planner<'a> {
         }
         intermediates.extend(targets.scratch_of(signal.index, self.state.current));
         let last = targets.shape.stages - 1;
-        let mut source = estimate;
+        let mut changes = None;
         for (index, stage) in (0..).zip(&targets.stages) {
             let is_last = index == last;
             let visible = if is_last {
@@ -627,20 +626,29 @@ impl<'a> Planner<'a> {
             let mut bindings = Bindings::new(pass.label(), visible)
                 .uniform(0, &targets.view)
                 .uniform(1, stage)
-                .uint(2, source)
+                .uint(2, estimate)
                 .uint(3, workspace);
+            let mut defs = method.clone();
+            if let Some(changes) = changes {
+                defs.push("CHANGED");
+                bindings = bindings.uint(5, changes);
+            }
             if is_last {
-                let mut defs = method.clone();
                 defs.push("LAST_STAGE");
+                // Without history and upsampling an estimate is a texel, but for its rounding.
+                if self.signals.scale == 1 && !targets.shape.history {
+                    defs.push("EXACT_SIGNAL");
+                    bindings = bindings.float(6, signal.radiance);
+                }
                 let defs = self.defs(Some(signal), &defs);
                 passes.push(self.draw(pass, signal, defs, &bindings));
                 break;
             }
             let target = intermediates[index as usize % intermediates.len()];
             bindings = bindings.write(4, target, WORD_FORMAT);
-            let defs = self.defs(Some(signal), &method);
+            let defs = self.defs(Some(signal), &defs);
             passes.push(self.compute(pass, defs, &bindings));
-            source = target;
+            changes = Some(target);
         }
     }
 

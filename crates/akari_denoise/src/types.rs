@@ -57,8 +57,6 @@ pub struct GpuDenoiseStage {
     pub inverse_two_sigma_squared: f32,
     /// Standard deviation of the widest screen-space Gaussian, pixels: the axis-aligned method narrows it.
     pub sigma: f32,
-    /// Position of the stage in the chain, from 0.
-    pub index: u32,
     /// Where the cursor is, for debug views; below 0 nowhere.
     pub cursor: Vec2,
 }

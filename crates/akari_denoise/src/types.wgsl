@@ -31,7 +31,6 @@ struct DenoiseStage {
     stride: i32,
     inverse_two_sigma_squared: f32,
     sigma: f32,
-    index: u32,
     cursor: vec2<f32>,
 }
 
@@ -119,13 +118,27 @@ fn noise_unpack(word: u32) -> Noise {
     );
 }
 
+// Of the prefiltered image, two numbers that are not negative as the upper halves of f32: variance of a channel, and the
+// square of the most that the filter may change the pixel by.
+fn guide_pack(variance: f32, limit_squared: f32) -> u32 {
+    return (bitcast<u32>(variance) & 0xffff0000u) | (bitcast<u32>(limit_squared) >> 16u);
+}
+
+fn guide_variance(word: u32) -> f32 {
+    return bitcast<f32>(word & 0xffff0000u);
+}
+
+fn guide_limit_squared(word: u32) -> f32 {
+    return bitcast<f32>(word << 16u);
+}
+
 fn luminance(color: vec3<f32>) -> f32 {
     return dot(color, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// A well spread number of [0, 1) per pixel, frame and lane (Jarzynski and Olano 2020, "Hash Functions for GPU
+// Well spread numbers of [0, 1) per pixel, frame and lane (Jarzynski and Olano 2020, "Hash Functions for GPU
 // Rendering", pcg3d).
-fn dither(pixel: vec2<u32>, frame: u32) -> vec2<f32> {
+fn dither(pixel: vec2<u32>, frame: u32) -> vec3<f32> {
     var v = vec3(pixel, frame) * 1664525u + 1013904223u;
     v.x += v.y * v.z;
     v.y += v.z * v.x;
@@ -133,5 +146,6 @@ fn dither(pixel: vec2<u32>, frame: u32) -> vec2<f32> {
     v ^= v >> vec3(16u);
     v.x += v.y * v.z;
     v.y += v.z * v.x;
-    return vec2<f32>(v.xy >> vec2(8u)) / 16777216.0;
+    v.z += v.x * v.y;
+    return vec3<f32>(v >> vec3(8u)) / 16777216.0;
 }

@@ -5,7 +5,7 @@
 
 #import akari_math::frame::orthonormal_basis
 #import akari_math::lobe_weight::{
-    combined_weight, lobe_log_weight, normal_log_weight, plane_log_weight, spatial_log_weight,
+    combined_weight, normal_log_weight, plane_log_weight, smoothed_lobe_log_weight, spatial_log_weight,
 }
 #import akari_math::local_regression::local_linear_slope
 #import akari_denoise::signal::{demodulation, load_guide}
@@ -78,7 +78,8 @@ fn widened_log_weight(guide: Guide, axis: vec3<f32>, inverse_sharpness: f32, wid
     let beta = denoise.beta;
     let inverse_kappa = denoise.inverse_kappa;
 #endif
-    return lobe_log_weight(guide.axis, guide.inverse_sharpness, axis, inverse_sharpness, beta, inverse_kappa + widening);
+    let smoothing = inverse_kappa + widening;
+    return smoothed_lobe_log_weight(guide.axis, guide.inverse_sharpness + smoothing, axis, inverse_sharpness + smoothing, beta);
 }
 
 #ifdef UPSAMPLE
@@ -143,8 +144,9 @@ fn gather(signal: texture_2d<f32>, pixel: vec2<i32>, guide: Guide, denoise: Deno
         if logs[tap] == NO_TAP {
             continue;
         }
-        support += combined_weight(logs[tap] + lobe_log_weight(
-            guide.axis, guide.inverse_sharpness, guide.axis + turns[tap].xyz, turns[tap].w, SUPPORT_BETA, SUPPORT_INVERSE_KAPPA + widening,
+        let smoothing = SUPPORT_INVERSE_KAPPA + widening;
+        support += combined_weight(logs[tap] + smoothed_lobe_log_weight(
+            guide.axis, guide.inverse_sharpness + smoothing, guide.axis + turns[tap].xyz, turns[tap].w + smoothing, SUPPORT_BETA,
         ));
 #ifndef METHOD_NORMAL
         logs[tap] += widened_log_weight(guide, guide.axis + turns[tap].xyz, turns[tap].w, widening, denoise);

@@ -3,13 +3,13 @@
 // Weight of a neighbour in a stage of the filter, by the method at hand.
 
 #import akari_math::lobe_weight::{
-    anisotropic_log_weight, axis_aligned_log_weight, distribution_log_weight, lobe_log_weight_auto, normal_log_weight,
-    plane_log_weight, spatial_log_weight,
+    anisotropic_log_weight, axis_aligned_log_weight, distribution_log_weight, normal_log_weight, plane_log_weight,
+    smoothed_lobe_log_weight_exact, spatial_log_weight,
 }
 #import akari_math::noise_estimate::guided_log_weight
 #import akari_math::signal_packing::radiance_unpack
 #import akari_denoise::likeness::{GUIDED_BETA, GUIDED_INVERSE_KAPPA, inverse_plane_scale}
-#import akari_denoise::types::{DenoiseStage, DenoiseView, luminance}
+#import akari_denoise::types::{DenoiseStage, DenoiseView, guide_limit_squared, guide_variance, luminance}
 #import akari_lobes::guides::{Guide, anisotropic_lobe}
 
 // Of the method by mean and variance: variance of the kernel that the distributions of luminance are smoothed by,
@@ -21,11 +21,13 @@ struct Center {
     guide: Guide,
     guide_color: vec3<f32>,
     variance: f32,
+    // Square of the most that it may be changed by.
+    limit_squared: f32,
 }
 
 fn center_of(pixel: vec2<i32>, guide: Guide, prefiltered: texture_2d<u32>) -> Center {
     let words = textureLoad(prefiltered, pixel, 0);
-    return Center(guide, radiance_unpack(words.r), bitcast<f32>(words.g));
+    return Center(guide, radiance_unpack(words.r), guide_variance(words.g), guide_limit_squared(words.g));
 }
 
 // Log weight of the neighbour, a valid surface, at a distance in pixels.
@@ -66,21 +68,21 @@ fn stage_log_weight(
         a.axis, a.tangent, a.variance, b.axis, b.tangent, b.variance, beta, inverse_kappa,
     );
 #else
-    log_weight += lobe_log_weight_auto(
-        guide.axis, guide.inverse_sharpness, other.axis, other.inverse_sharpness, beta, inverse_kappa,
+    log_weight += smoothed_lobe_log_weight_exact(
+        guide.axis, guide.inverse_sharpness + inverse_kappa, other.axis, other.inverse_sharpness + inverse_kappa, beta,
     );
 #endif
 #endif
 #ifdef METHOD_GUIDED
     let words = textureLoad(prefiltered, neighbor, 0);
     let other_color = radiance_unpack(words.r);
-    let other_variance = bitcast<f32>(words.g);
+    let other_variance = guide_variance(words.g);
     log_weight += guided_log_weight(center.guide_color, center.variance, other_color, other_variance);
 #endif
 #ifdef METHOD_DISTRIBUTION
     let words = textureLoad(prefiltered, neighbor, 0);
     let other_mean = luminance(radiance_unpack(words.r));
-    let other_variance = bitcast<f32>(words.g);
+    let other_variance = guide_variance(words.g);
     let mean = luminance(center.guide_color);
     let smoothing = DISTRIBUTION_SMOOTHING * (mean * mean + other_mean * other_mean);
     log_weight += distribution_log_weight(mean, center.variance, other_mean, other_variance, denoise.beta, smoothing);

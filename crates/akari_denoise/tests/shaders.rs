@@ -58,6 +58,8 @@ const METHOD: Sets = &[
 ];
 const SHAPE: Sets = &[&[], &["ANISOTROPIC"]];
 const MARKS: Sets = &[&[], &["MARK_RESAMPLED"]];
+/// Of the filter: the first stage, a later one.
+const STAGE: Sets = &[&[], &["CHANGED"]];
 
 fn entry(
     file: &'static str,
@@ -149,18 +151,18 @@ fn stage() -> Entry {
         "filter.wgsl",
         FILTER,
         "filter_stage",
-        &[SIGNAL, METHOD, SHAPE],
+        &[SIGNAL, METHOD, SHAPE, STAGE],
     );
     without(all, ["DIFFUSE_SIGNAL", "ANISOTROPIC"])
 }
 
 fn last_stage() -> Entry {
-    let last: Sets = &[&["LAST_STAGE"]];
+    let last: Sets = &[&["LAST_STAGE"], &["LAST_STAGE", "EXACT_SIGNAL"]];
     let all = entry(
         "filter.wgsl",
         FILTER,
         "filter_last",
-        &[SIGNAL, METHOD, SHAPE, last],
+        &[SIGNAL, METHOD, SHAPE, STAGE, last],
     );
     without(all, ["DIFFUSE_SIGNAL", "ANISOTROPIC"])
 }
@@ -526,7 +528,6 @@ fn structs_have_one_layout() {
         stride: 2,
         inverse_two_sigma_squared: 3.0,
         sigma: 4.0,
-        index: 5,
         cursor: Vec2::new(6.0, 0.0),
     };
     let stage_fields = [
@@ -534,7 +535,6 @@ fn structs_have_one_layout() {
         ("stride", 2),
         ("inverse_two_sigma_squared", 3.0_f32.to_bits()),
         ("sigma", 4.0_f32.to_bits()),
-        ("index", 5),
         ("cursor", 6.0_f32.to_bits()),
     ];
     assert_eq!(fault(&module, "DenoiseStage", &value, &stage_fields), None);

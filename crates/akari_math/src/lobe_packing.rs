@@ -26,8 +26,7 @@
 //! |---|---|
 //! | axis, octahedral 2 × snorm16 | 6.4e-5 rad |
 //! | perceptual roughness, unorm16 | 7.6e-6 |
-//! | radiance, sum in 16 bits | 2.4e-4 of the sum |
-//! | radiance, parts in 2 × unorm8 | 4.1e-3 of the sum |
+//! | radiance, 3 × 9 bits and a common exponent | 2.0e-3 of the largest channel |
 //! | variance, 8 bits | 5.6e-2 of itself |
 //!
 //! WGSL module: `akari_math::lobe_packing`.

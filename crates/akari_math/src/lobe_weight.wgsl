@@ -13,6 +13,11 @@ const MAX_INVERSE_SHARPNESS: f32 = 1e15;
 // Smoothed inverse sharpness up to which `lobe_log_weight_auto` is the approximation, and from which it is exact.
 const APPROXIMATE_BELOW: f32 = 0.1;
 const EXACT_ABOVE: f32 = 0.2;
+// Largest smoothed inverse sharpness of `smoothed_lobe_log_weight_exact`, and the least length of the two lobes'
+// sharpness vectors' sum, among sharp lobes and others.
+const MAX_SMOOTHED: f32 = 100.0;
+const LEAST_SHARP_SUM: f32 = 0.5;
+const LEAST_SUM: f32 = 0.004;
 // Floor of variances of a signal.
 const MIN_VARIANCE: f32 = 1e-20;
 // Largest distance in standard deviations: its square is finite.
@@ -87,6 +92,14 @@ fn lobe_log_weight(
     return 0.5 * beta * (log_one_minus(r * r, product) - dot(offset, offset) / sum);
 }
 
+// The same for inverse sharpnesses that the smoothing kernel's has been added to, in few operations.
+fn smoothed_lobe_log_weight(axis_i: vec3<f32>, a: f32, axis_j: vec3<f32>, b: f32, beta: f32) -> f32 {
+    let inverse_sum = 1.0 / (a + b);
+    let product = (2.0 * a * inverse_sum) * (2.0 * b * inverse_sum);
+    let offset = axis_i - axis_j;
+    return 0.5 * beta * (log(max(product, TINY)) - dot(offset, offset) * inverse_sum);
+}
+
 // The same by the exact integral of the product.
 fn lobe_log_weight_exact(
     axis_i: vec3<f32>,
@@ -142,6 +155,30 @@ fn lobe_log_weight_auto(
     let approximate = lobe_log_weight(axis_i, v_i, axis_j, v_j, beta, inverse_kappa);
     let t = (widest - APPROXIMATE_BELOW) / (EXACT_ABOVE - APPROXIMATE_BELOW);
     return approximate + (exact - approximate) * (t * t * (3.0 - 2.0 * t));
+}
+
+// The exact form for inverse sharpnesses that the smoothing kernel's has been added to, in few operations and without
+// a branch that neighbours would take apart.
+fn smoothed_lobe_log_weight_exact(axis_i: vec3<f32>, a: f32, axis_j: vec3<f32>, b: f32, beta: f32) -> f32 {
+    let narrow = min(a, b);
+    let wide = min(max(a, b), MAX_SMOOTHED);
+    let smaller = 1.0 / wide;
+    let ratio = min(narrow * smaller, 1.0);
+    let offset = axis_i - axis_j;
+    let chord_squared = min(dot(offset, offset), 4.0);
+    let difference = 1.0 - ratio;
+    let length = sqrt(difference * difference + ratio * (4.0 - chord_squared));
+    let is_wide = wide > APPROXIMATE_BELOW;
+    let kept_length = max(length, narrow * select(LEAST_SHARP_SUM, LEAST_SUM, is_wide));
+    var product = 4.0 * ratio;
+    var scale = kept_length * kept_length;
+    if is_wide {
+        let larger = 1.0 / narrow;
+        let of_sum = 1.0 - exp(-2.0 * larger * kept_length);
+        product *= of_sum * of_sum;
+        scale *= (1.0 - exp(-4.0 * larger)) * (1.0 - exp(-4.0 * smaller));
+    }
+    return beta * (0.5 * log(max(product / max(scale, TINY), TINY)) - smaller * chord_squared / (kept_length + ratio + 1.0));
 }
 
 // `v`, at right angles to unit `from_axis`, turned along with it to unit `to_axis` by the shortest way.

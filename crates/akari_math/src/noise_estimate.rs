@@ -28,10 +28,11 @@ const COHERENCE_START: f32 = 0.3;
 const GUIDE_STRENGTH_SQUARED: f32 = 4.0;
 /// Floor of the variance of a difference of guides.
 const MIN_GUIDE_VARIANCE: f32 = 4e-8;
-/// Most that the relative noise of a pixel may be of that around it.
-const NOISE_CAP: f32 = 1.5;
-/// Relative noise from which on it may be more: the cap grows with its cube.
-const NOISE_CAP_KNEE: f32 = 0.12;
+/// Relative noise around a pixel up to which the pixel may have no more than that, and is held to it in how far it may be
+/// changed: more is detail there. Beyond it, few samples are far off by chance.
+const NOISE_KNEE: f32 = 0.12;
+/// Standard deviations of its noise by which a pixel may be changed where there is little noise around.
+const CHANGE_DEVIATIONS: f32 = 3.0;
 /// Relative noise in 8 bits: its logarithm to base 2 from −10 to 3.3.
 const MIN_LOG_NOISE: f32 = -10.0;
 const LOG_NOISE_RANGE: f32 = 13.3;
@@ -95,12 +96,38 @@ pub fn coherence_share(coherence: Coherence, all_structure: f32) -> f32 {
     ((most - COHERENCE_START) / (all_structure - COHERENCE_START)).clamp(0.0, 1.0)
 }
 
-/// Largest relative noise (standard deviation over the signal) of a pixel around which it has the geometric mean
-/// `wide`: where there is little noise all around, a spike is a highlight.
+/// How many times more noise than around it a pixel may have: the relative noise (standard deviation over the signal)
+/// around it, of geometric mean `wide`, over 0.12, and at least 1.
+fn noise_excess(wide: f32) -> f32 {
+    (wide / NOISE_KNEE).max(1.0)
+}
+
+/// Largest relative noise of a pixel around which it has the geometric mean `wide`: that, and beyond 0.12 its cube over
+/// 0.12². Where there is little noise all around, a spike is a highlight.
 #[must_use]
 pub fn noise_cap(wide: f32) -> f32 {
-    let excess = (wide / NOISE_CAP_KNEE).max(1.0);
-    NOISE_CAP * wide * excess * excess
+    let excess = noise_excess(wide);
+    wide * excess * excess
+}
+
+/// Square of the most that a filter may change a pixel by, root mean square of the channels: three standard deviations
+/// of its noise, more where there is much noise all around, since the few samples of such a picture may be far off. It
+/// is what makes the filtered picture converge to the unfiltered one as the noise goes to 0, whatever the filter's
+/// weights.
+#[must_use]
+pub fn change_limit_squared(variance: f32, wide: f32) -> f32 {
+    let deviations = CHANGE_DEVIATIONS * noise_excess(wide);
+    deviations * deviations * variance
+}
+
+/// A change (radiance, any unit) held to a limit, of the same direction.
+#[must_use]
+pub fn limited_change(change: Vec3, limit_squared: f32) -> Vec3 {
+    let squared = (change.dot(change) * (1.0 / 3.0)).min(1e18);
+    if squared <= limit_squared {
+        return change;
+    }
+    change * (limit_squared / squared.max(TINY)).sqrt()
 }
 
 /// Standard deviation over the signal in 8 bits, 0 exactly; 3.7 % a step from 2⁻¹⁰ to 2^3.3, held to that range.

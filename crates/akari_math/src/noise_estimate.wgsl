@@ -18,9 +18,10 @@ const COHERENCE_START: f32 = 0.3;
 const GUIDE_STRENGTH_SQUARED: f32 = 4.0;
 // Floor of the variance of a difference of guides.
 const MIN_GUIDE_VARIANCE: f32 = 4e-8;
-// Most that the relative noise of a pixel may be of that around it; from which relative noise on it may be more.
-const NOISE_CAP: f32 = 1.5;
-const NOISE_CAP_KNEE: f32 = 0.12;
+// Relative noise around a pixel up to which the pixel may have no more than that.
+const NOISE_KNEE: f32 = 0.12;
+// Standard deviations of its noise by which a pixel may be changed where there is little noise around.
+const CHANGE_DEVIATIONS: f32 = 3.0;
 // Relative noise in 8 bits: its logarithm to base 2 from -10 to 3.3.
 const MIN_LOG_NOISE: f32 = -10.0;
 const LOG_NOISE_RANGE: f32 = 13.3;
@@ -67,10 +68,30 @@ fn coherence_share(coherence: Coherence, all_structure: f32) -> f32 {
     return saturate((most - COHERENCE_START) / (all_structure - COHERENCE_START));
 }
 
+// How many times more noise than around it, of geometric mean `wide`, a pixel may have.
+fn noise_excess(wide: f32) -> f32 {
+    return max(1.0, wide / NOISE_KNEE);
+}
+
 // Largest relative noise of a pixel around which it has the geometric mean `wide`.
 fn noise_cap(wide: f32) -> f32 {
-    let excess = max(1.0, wide / NOISE_CAP_KNEE);
-    return NOISE_CAP * wide * excess * excess;
+    let excess = noise_excess(wide);
+    return wide * excess * excess;
+}
+
+// Square of the most that a pixel may be changed by.
+fn change_limit_squared(variance: f32, wide: f32) -> f32 {
+    let deviations = CHANGE_DEVIATIONS * noise_excess(wide);
+    return deviations * deviations * variance;
+}
+
+// A change held to a limit.
+fn limited_change(change: vec3<f32>, limit_squared: f32) -> vec3<f32> {
+    let squared = min(dot(change, change) * (1.0 / 3.0), 1e18);
+    if squared <= limit_squared {
+        return change;
+    }
+    return change * sqrt(limit_squared / max(squared, TINY));
 }
 
 // Standard deviation over the signal in 8 bits, 0 exactly.

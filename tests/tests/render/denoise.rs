@@ -55,7 +55,33 @@ fn the_guided_method_cleans_and_never_harms() {
     }
 }
 
-/// A wrong filter, to see that the test above can fail: one that blurs across everything.
+/// Of an almost clean picture, what the filter changes must not be worse than what it leaves.
+#[test]
+fn an_almost_clean_input_is_not_harmed() {
+    const SPP: u32 = 256;
+    for (name, depth) in [("roughness_map", 3), ("many_lights", 4), ("floor_light", 4)] {
+        // Twice the other tests' side: at theirs, a patch of the roughness map is all edges.
+        let lab = Lab::new(name, 2 * SIDE, depth);
+        let truth = lab.reference(REFERENCE);
+        let Some(mut denoiser) = lab.denoiser("an_almost_clean_input", one_frame()) else {
+            return;
+        };
+        let input = lab.kept_input(SPP, 7);
+        let before = lab.mse(&input, &truth, |_| true);
+        for quality in [Quality::Low, Quality::Medium, Quality::Ultra] {
+            denoiser.set_settings(Denoise {
+                history: 1,
+                ..Denoise::preset(quality)
+            });
+            let output = filter(&mut denoiser, &input);
+            let ratio = lab.mse(&output, &truth, |_| true) / before;
+            println!("{name} {SPP} spp, {quality:?}: {ratio:.4} of the input's error");
+            assert!(ratio < 1.0, "{name}: {ratio}");
+        }
+    }
+}
+
+/// A wrong filter, to see that the first test can fail: one that blurs across everything.
 #[test]
 fn a_filter_that_blurs_everything_is_told_from_ours() {
     let lab = Lab::new("roughness_map", SIDE, 3);

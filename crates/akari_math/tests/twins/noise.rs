@@ -3,8 +3,9 @@
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, vec3};
 use akari_math::lobe_weight::combined_weight;
 use akari_math::noise_estimate::{
-    Coherence, coherence_share, guided_log_weight, noise_cap, prediction_error_scale,
-    relative_noise_log, relative_noise_pack, residual_pack, residual_unpack,
+    Coherence, change_limit_squared, coherence_share, guided_log_weight, limited_change, noise_cap,
+    prediction_error_scale, relative_noise_log, relative_noise_pack, residual_pack,
+    residual_unpack,
 };
 use glam::{Vec3, Vec4};
 
@@ -30,8 +31,11 @@ pub fn cases() -> Vec<Case> {
                 "prediction_error_scale",
                 "guided_log_weight",
                 "coherence_share",
+                "noise_excess",
                 "noise_cap",
                 "relative_noise_log",
+                "change_limit_squared",
+                "limited_change",
             ],
             imports: "#import akari_math::noise_estimate::Coherence
                 #import akari_math::lobe_weight::combined_weight",
@@ -39,9 +43,12 @@ pub fn cases() -> Vec<Case> {
                 y(1u, combined_weight(guided_log_weight(x_vec3(2u), x(5u), x_vec3(6u), x(9u))));
                 y(2u, coherence_share(Coherence(x_vec4(10u), x_vec4(14u)), 0.65));
                 y(3u, noise_cap(min(abs(x(10u)), 0.2)));
-                y(4u, relative_noise_log(u32(abs(x(0u)) * 8.0)));",
+                y(4u, relative_noise_log(u32(abs(x(0u)) * 8.0)));
+                let wide = min(abs(x(11u)), 0.3);
+                y(5u, change_limit_squared(min(x(5u), 0.01), wide));
+                y_vec3(6u, limited_change(x_vec3(2u) / max(length(x_vec3(2u)), 1e-3), change_limit_squared(0.01, wide)));",
             inputs: 18,
-            outputs: 5,
+            outputs: 9,
             twin: |x, y| {
                 let log = guided_log_weight(vec3(x, 2), x[5], vec3(x, 6), x[9]);
                 y.extend([
@@ -57,6 +64,13 @@ pub fn cases() -> Vec<Case> {
                     noise_cap(x[10].abs().min(0.2)),
                     relative_noise_log((x[0].abs() * 8.0) as u32),
                 ]);
+                let wide = x[11].abs().min(0.3);
+                y.push(change_limit_squared(x[5].min(0.01), wide));
+                let change = vec3(x, 2) / vec3(x, 2).length().max(1e-3);
+                push3(
+                    y,
+                    limited_change(change, change_limit_squared(0.01, wide)),
+                );
             },
             oracle: Some(|x, y| {
                 y.push((1.0 + x[1] / (x[0] * x[0]).max(1e-30)).powf(-0.5));
@@ -68,9 +82,16 @@ pub fn cases() -> Vec<Case> {
                     .fold(f64::NEG_INFINITY, f64::max);
                 y.push(((most - 0.3) / 0.35).clamp(0.0, 1.0));
                 let wide = x[10].abs().min(0.2);
-                y.push(1.5 * wide * (wide / 0.12).max(1.0).powi(2));
+                y.push(wide * (wide / 0.12).max(1.0).powi(2));
                 let code = ((x[0].abs() * 8.0) as u32 & 0xff).max(1) - 1;
                 y.push(f64::from(code) * 13.3 / 254.0 - 10.0);
+                let deviations = 3.0 * (x[11].abs().min(0.3) / 0.12).max(1.0);
+                y.push(deviations.powi(2) * x[5].min(0.01));
+                let length = (x[2] * x[2] + x[3] * x[3] + x[4] * x[4]).sqrt();
+                let scale = 1.0 / length.max(1e-3);
+                let rms = length * scale / 3f64.sqrt();
+                let kept = (deviations * 0.1 / rms.max(1e-30)).min(1.0);
+                y.extend((2..5).map(|c| x[c] * scale * kept));
             }),
             domains: vec![
                 domain(
@@ -118,6 +139,15 @@ pub fn cases() -> Vec<Case> {
                 mutation(
                     "MIN_GUIDE_VARIANCE: f32 = 4e-8",
                     "MIN_GUIDE_VARIANCE: f32 = 8e-8",
+                ),
+                mutation("NOISE_KNEE: f32 = 0.12", "NOISE_KNEE: f32 = 0.1201"),
+                mutation(
+                    "CHANGE_DEVIATIONS: f32 = 3.0",
+                    "CHANGE_DEVIATIONS: f32 = 3.001",
+                ),
+                mutation(
+                    "sqrt(limit_squared / max(squared, TINY))",
+                    "limit_squared / max(squared, TINY)",
                 ),
             ],
         },
@@ -248,6 +278,17 @@ fn noise_is_told_from_structure() {
     assert!(share(0.3, 0.0) > 0.4 && share(0.3, 0.0) < 0.6);
     // A clean surrounding allows no noise to speak of, a noisy one any.
     assert!(noise_cap(0.01) < 0.02 && noise_cap(1.0) > 50.0);
+    // Without noise nothing may change; with little, by three deviations, with much by more; the direction stays.
+    let change = Vec3::new(1.0, -2.0, 2.0);
+    let limited = |variance: f32, wide: f32| {
+        let limited = limited_change(change, change_limit_squared(variance, wide));
+        assert!(limited.cross(change).length() < 1e-6, "{limited}");
+        limited.length() / change.length()
+    };
+    assert_eq!(limited(0.0, 1.0), 0.0);
+    assert!((limited(0.01, 0.1) - 0.3 / 3f32.sqrt()).abs() < 1e-6);
+    assert!((limited(0.01, 0.24) - 0.6 / 3f32.sqrt()).abs() < 1e-6);
+    assert_eq!(limited(1.0, 0.1), 1.0);
     let logarithm = relative_noise_log(relative_noise_pack(0.25));
     assert!((logarithm + 2.0).abs() < 0.03, "{logarithm}");
     let weight = |d: f32, v_i: f32, v_j: f32| {

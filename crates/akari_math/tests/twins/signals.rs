@@ -2,15 +2,14 @@
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, vec3};
 use akari_math::signal_packing::{
-    MAX_RADIANCE, log_variance_pack, log_variance_unpack, radiance_pack, radiance_unpack, sum_pack,
-    sum_unpack,
+    MAX_RADIANCE, log_variance_pack, log_variance_unpack, radiance_pack, radiance_unpack,
 };
 use akari_math::{lobe_packing, octahedral};
-use glam::{DVec3, UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use half::f16;
 
 const MODULE: &str = "akari_math::signal_packing";
-const NEAREST: Vec2 = Vec2::new(0.5, 0.5);
+const NEAREST: Vec3 = Vec3::splat(0.5);
 
 fn mutation(from: &'static str, to: &'static str) -> Mutation {
     Mutation {
@@ -28,24 +27,24 @@ pub fn cases() -> Vec<Case> {
     vec![
         Case {
             module: MODULE,
-            functions: &["radiance_pack", "sum_pack", "log_variance_pack"],
+            functions: &["radiance_pack", "log_variance_pack"],
             imports: "",
-            // Codes one apart where a number is half a step from both; the parts of red and blue apart.
-            body: "let packed = radiance_pack(x_vec3(0u), vec2<f32>(x(3u), x(4u)));
-                y(0u, f32(packed & 0xffffu));
-                y(1u, f32((packed >> 16u) & 0xffu));
-                y(2u, f32(packed >> 24u));
-                y(3u, f32(sum_pack(max(x(0u), 0.0), x(3u))));
+            // The fields apart: a number is half a step from two codes.
+            body: "let packed = radiance_pack(x_vec3(0u), x_vec3(3u));
+                y(0u, f32(packed & 0x1ffu));
+                y(1u, f32((packed >> 9u) & 0x1ffu));
+                y(2u, f32((packed >> 18u) & 0x1ffu));
+                y(3u, f32(packed >> 27u));
                 y(4u, f32(log_variance_pack(x(0u))));",
-            inputs: 5,
+            inputs: 6,
             outputs: 5,
             twin: |x, y| {
-                let packed = radiance_pack(vec3(x, 0), Vec2::new(x[3], x[4]));
+                let packed = radiance_pack(vec3(x, 0), vec3(x, 3));
                 y.extend([
-                    (packed & 0xffff) as f32,
-                    (packed >> 16 & 0xff) as f32,
-                    (packed >> 24) as f32,
-                    sum_pack(x[0].max(0.0), x[3]) as f32,
+                    (packed & 0x1ff) as f32,
+                    (packed >> 9 & 0x1ff) as f32,
+                    (packed >> 18 & 0x1ff) as f32,
+                    (packed >> 27) as f32,
                     log_variance_pack(x[0]) as f32,
                 ]);
             },
@@ -56,28 +55,41 @@ pub fn cases() -> Vec<Case> {
                     rows(260, 1000, |random, row| {
                         let scale = random.log_range(-8.0, 5.0);
                         push3(row, random.direction().abs() * scale);
-                        row.extend([random.range(0.0, 1.0), random.range(0.0, 1.0)]);
+                        row.extend([0; 3].map(|_| random.range(0.0, 1.0)));
                     }),
                     ulp(0),
                     absolute(1.0),
                 ),
                 domain(
-                    "black, negative, too bright",
-                    vec![
-                        0.0, 0.0, 0.0, 0.999, 0.999, -1.0, -2.0, -3.0, 0.5, 0.5, 1e30, 1e30, 1e30,
-                        0.999, 0.999, 1e30, 0.0, 0.0, 0.0, 0.999, 0.0, 0.0, 1e-30, 0.0, 0.999,
-                    ],
+                    "black, negative, too bright, at a change of the exponent",
+                    [
+                        [0.0, 0.0, 0.0, 0.999, 0.999, 0.999],
+                        [-1.0, -2.0, -3.0, 0.5, 0.5, 0.5],
+                        [1e30, 1e30, 1e30, 0.999, 0.999, 0.999],
+                        [1e30, 0.0, 0.0, 0.0, 0.999, 0.0],
+                        [0.0, 0.0, 1e-30, 0.0, 0.0, 0.999],
+                        [511.0, 510.5, 1.0, 0.999_999_94, 0.5, 0.999],
+                        [511.01, 510.5, 1.0, 0.5, 0.5, 0.0],
+                        [0.5, 1.0, 2.0, 0.0, 0.0, 0.0],
+                    ]
+                    .concat(),
                     ulp(0),
                     absolute(0.0),
                 ),
             ],
             mutations: vec![
-                mutation("CHROMA_MAX: f32 = 255.0", "CHROMA_MAX: f32 = 250.0"),
-                mutation("MAX_RADIANCE: f32 = 65504.0", "MAX_RADIANCE: f32 = 65000.0"),
+                mutation("MAX_RADIANCE: f32 = 65408.0", "MAX_RADIANCE: f32 = 65000.0"),
                 mutation(
-                    "u32(dither * DROPPED_STEPS)",
-                    "3u * u32(dither * DROPPED_STEPS)",
+                    "ABOVE_MANTISSA_MAX: u32 = 0x7fffu",
+                    "ABOVE_MANTISSA_MAX: u32 = 0u",
                 ),
+                mutation("CODE_OFFSET: i32 = 111", "CODE_OFFSET: i32 = 112"),
+                mutation(
+                    "INVERSE_STEP_EXPONENT: u32 = 151u",
+                    "INVERSE_STEP_EXPONENT: u32 = 150u",
+                ),
+                mutation("color * inverse_step + dither", "color * inverse_step"),
+                mutation("vec3<f32>(MANTISSA_MAX))", "vec3<f32>(512.0))"),
                 mutation(
                     "LOG_VARIANCE_STEPS: f32 = 254.0",
                     "LOG_VARIANCE_STEPS: f32 = 250.0",
@@ -86,26 +98,20 @@ pub fn cases() -> Vec<Case> {
                     "ZERO_VARIANCE_BELOW: f32 = 4.7683716e-7",
                     "ZERO_VARIANCE_BELOW: f32 = 1e-5",
                 ),
-                mutation(
-                    "x * SUBNORMALS_PER_UNIT + dither",
-                    "x * SUBNORMALS_PER_UNIT + 4.0 * dither",
-                ),
             ],
         },
         Case {
             module: MODULE,
-            functions: &["radiance_unpack", "sum_unpack", "log_variance_unpack"],
+            functions: &["radiance_unpack", "log_variance_unpack"],
             imports: "",
             body: "let bits = u32(x(0u)) | (u32(x(1u)) << 16u);
                 y_vec3(0u, radiance_unpack(bits));
-                y(3u, sum_unpack(bits));
-                y(4u, log_variance_unpack(bits));",
+                y(3u, log_variance_unpack(bits));",
             inputs: 2,
-            outputs: 5,
+            outputs: 4,
             twin: |x, y| {
                 let bits = x[0] as u32 | (x[1] as u32) << 16;
                 push3(y, radiance_unpack(bits));
-                y.push(sum_unpack(bits));
                 y.push(log_variance_unpack(bits));
             },
             oracle: None,
@@ -122,65 +128,38 @@ pub fn cases() -> Vec<Case> {
                 domain(
                     "ends of the range",
                     vec![
-                        0.0, 0.0, 65535.0, 65535.0, 2047.0, 255.0, 2048.0, 65280.0, 1.0, 0.0,
+                        0.0, 0.0, 65535.0, 65535.0, 511.0, 0.0, 0.0, 65535.0, 1.0, 0.0,
                     ],
                     ulp(0),
                     ulp(40),
                 ),
             ],
             mutations: vec![
-                mutation(
-                    "f32(magnitude) / SUBNORMALS_PER_UNIT",
-                    "f32(magnitude + 1u) / SUBNORMALS_PER_UNIT",
-                ),
-                mutation(
-                    "(magnitude + EXPONENT_OFFSET) << 12u",
-                    "(magnitude + EXPONENT_OFFSET) << 11u",
-                ),
-                mutation(
-                    "max(CHROMA_MAX - red - blue, 0.0)",
-                    "(CHROMA_MAX - red - blue)",
-                ),
+                mutation("STEP_EXPONENT: u32 = 103u", "STEP_EXPONENT: u32 = 104u"),
+                mutation("bits >> 9u", "bits >> 8u"),
+                mutation("vec3<u32>(0x1ffu)", "vec3<u32>(0xffu)"),
                 mutation("f32(code - 1u)", "f32(code)"),
             ],
         },
     ]
 }
 
-/// The sum's format: every code comes back, in order, and numbers between two go to one of the two.
-#[test]
-fn sums() {
-    for bits in 0..=0xffff_u32 {
-        let value = sum_unpack(bits);
-        for dither in [0.0, 0.5, 0.999] {
-            assert_eq!(sum_pack(value, dither), bits, "{value} with {dither}");
-        }
-        if bits < 0xffff {
-            let next = sum_unpack(bits + 1);
-            assert!(next > value);
-            let between = value + 0.25 * (next - value);
-            assert_eq!(sum_pack(between, 0.7), bits, "{between}");
-            assert_eq!(sum_pack(between, 0.8), bits + 1, "{between}");
-        }
-    }
-    assert_eq!(sum_unpack(0xffff), 262_080.0);
-    assert!(sum_unpack(0xffff) > 3.0 * MAX_RADIANCE);
-    assert_eq!(sum_pack(1e30, 0.9), 0xffff);
+/// What `radiance_pack` may round a largest channel by at most.
+fn step_of(largest: f32) -> f32 {
+    (largest / 255.5).max(1.0 / 16_777_216.0)
 }
 
 #[test]
 fn dithered_radiance_is_unbiased() {
-    // Over a grid of dithers, which makes the mean of a linear rounding exact to a step of the grid.
-    let n = 128;
-    let mean = |rgb: Vec3, pack: &dyn Fn(Vec3, Vec2) -> u32| -> DVec3 {
+    // Over a grid of dithers, the same for all channels: the mean of a linear rounding is exact to a step of the grid.
+    let n = 512;
+    let mean = |rgb: Vec3, pack: &dyn Fn(Vec3, Vec3) -> u32| -> DVec3 {
         let mut sum = DVec3::ZERO;
         for i in 0..n {
-            for j in 0..n {
-                let dither = Vec2::new(i as f32 + 0.5, j as f32 + 0.5) / n as f32;
-                sum += radiance_unpack(pack(rgb, dither)).as_dvec3();
-            }
+            let dither = Vec3::splat((i as f32 + 0.5) / n as f32);
+            sum += radiance_unpack(pack(rgb, dither)).as_dvec3();
         }
-        sum / f64::from(n * n)
+        sum / f64::from(n)
     };
     let mut random = Random::new(262);
     let mut colors = vec![
@@ -190,82 +169,65 @@ fn dithered_radiance_is_unbiased() {
         Vec3::splat(2e-7),
         Vec3::new(3e-5, 1e-6, 0.0),
         Vec3::splat(60_000.0),
+        // Between the largest mantissa and the next exponent.
+        Vec3::new(511.7, 3.3, 0.1),
     ];
     for _ in 0..60 {
         colors.push(random.direction().abs() * random.log_range(-5.0, 4.0));
     }
     for rgb in colors {
-        let total = f64::from(rgb.element_sum());
-        // Steps of the grid, of the parts (green has two) and of the sum.
-        let tolerance = total * (1.0 / 255.0 / f64::from(n) + 0.6 / 1024.0 / f64::from(n))
-            + 0.6 / 16_777_216.0 / f64::from(n);
+        let tolerance = f64::from(step_of(rgb.max_element())) / f64::from(n)
+            + 2e-7 * f64::from(rgb.max_element());
         let dithered = mean(rgb, &radiance_pack);
         assert!(
-            (dithered - rgb.as_dvec3()).abs().max_element() <= tolerance + 2e-7 * total,
+            (dithered - rgb.as_dvec3()).abs().max_element() <= tolerance,
             "{rgb}: {dithered}"
         );
     }
-    // Rounded to nearest it is biased, and so is green where the parts have dithers of their own.
+    // Rounded to nearest it is biased.
     let rgb = Vec3::new(0.3, 0.0, 0.7);
     let nearest = mean(rgb, &|rgb, _| radiance_pack(rgb, NEAREST));
     assert!(
         (nearest - rgb.as_dvec3()).abs().max_element() > 3e-4,
         "{nearest}"
     );
-    let apart = mean(rgb, &|rgb, dither| {
-        let packed = radiance_pack(rgb, NEAREST) & 0xffff;
-        let red = (rgb.x * 255.0 + dither.x).floor() as u32;
-        let blue = (rgb.z * 255.0 + dither.y).floor() as u32;
-        packed | red << 16 | blue << 24
-    });
-    assert!(apart.y > 3e-4, "{apart}");
 }
 
 #[test]
 fn radiance_round_trips() {
     let mut random = Random::new(263);
-    let (mut nearest, mut dithered, mut sums): (f32, f32, f32) = (0.0, 0.0, 0.0);
+    let (mut nearest, mut dithered): (f32, f32) = (0.0, 0.0);
     for _ in 0..200_000 {
-        let rgb = random.direction().abs() * random.log_range(-3.0, 4.8);
-        let total = rgb.element_sum();
-        let error = |dither: Vec2| {
+        let rgb = random.direction().abs() * random.log_range(-6.0, 4.8);
+        let error = |dither: Vec3| {
             let back = radiance_unpack(radiance_pack(rgb, dither));
-            ((back - rgb) / total).abs()
+            (back - rgb).abs().max_element() / step_of(rgb.max_element())
         };
-        nearest = nearest.max(error(NEAREST).x.max(error(NEAREST).z));
-        let dither = Vec2::new(random.range(0.0, 1.0), random.range(0.0, 1.0));
-        dithered = dithered.max(error(dither).max_element());
-        let back = radiance_unpack(radiance_pack(rgb, NEAREST));
-        sums = sums.max((back.element_sum() / total - 1.0).abs());
+        nearest = nearest.max(error(NEAREST));
+        dithered = dithered.max(error(Vec3::from([0; 3].map(|_| random.range(0.0, 1.0)))));
     }
-    println!("radiance: {nearest:.2e} of the sum, {dithered:.2e} dithered; sum {sums:.2e}");
-    assert!(nearest < 0.5 / 255.0 + 2.5e-4 && dithered < 1.0 / 255.0 + 5e-4);
-    assert!(sums < 2.5e-4 && sums > 1e-4, "{sums}");
+    println!("radiance: {nearest:.3} steps, {dithered:.3} dithered");
+    assert!(nearest <= 0.5 && nearest > 0.49, "{nearest}");
+    assert!(dithered < 1.0 && dithered > 0.98, "{dithered}");
+    // What was unpacked is packed to the same number, whatever the dither.
+    for _ in 0..20_000 {
+        let rgb = radiance_unpack(random.next() as u32);
+        assert!(rgb.is_finite() && rgb.min_element() >= 0.0);
+        let dither = Vec3::from([0; 3].map(|_| random.range(0.0, 1.0)));
+        assert_eq!(radiance_unpack(radiance_pack(rgb, dither)), rgb);
+    }
 
     // Black, and what is no radiance.
-    for dither in [Vec2::ZERO, NEAREST, Vec2::splat(0.999)] {
+    for dither in [Vec3::ZERO, NEAREST, Vec3::splat(0.9999)] {
         for black in [Vec3::ZERO, Vec3::splat(-1.0), Vec3::splat(f32::NAN)] {
             assert_eq!(radiance_pack(black, dither), 0);
         }
         let bright = radiance_unpack(radiance_pack(Vec3::new(f32::INFINITY, 1e9, 0.0), dither));
-        assert!(
-            (bright - Vec3::new(MAX_RADIANCE, MAX_RADIANCE, 0.0))
-                .abs()
-                .max_element()
-                < 600.0,
-            "{bright}"
-        );
+        assert_eq!(bright, Vec3::new(MAX_RADIANCE, MAX_RADIANCE, 0.0));
         let partly = radiance_unpack(radiance_pack(Vec3::new(1.0, f32::NAN, 1.0), dither));
-        assert!(
-            (partly - Vec3::new(1.0, 0.0, 1.0)).abs().max_element() < 0.02,
-            "{partly}"
-        );
+        assert_eq!(partly, Vec3::new(1.0, 0.0, 1.0));
     }
     assert_eq!(radiance_unpack(0), Vec3::ZERO);
-    for _ in 0..10_000 {
-        let rgb = radiance_unpack(random.next() as u32);
-        assert!(rgb.is_finite() && rgb.min_element() >= 0.0);
-    }
 }
 
 #[test]
@@ -341,7 +303,7 @@ fn tables() -> Vec<String> {
         lines.push(line);
     }
     let (mut angle, mut roughness): (f32, f32) = (0.0, 0.0);
-    let (mut part, mut sum, mut variance): (f32, f32, f32) = (0.0, 0.0, 0.0);
+    let (mut color, mut variance): (f32, f32) = (0.0, 0.0);
     for _ in 0..200_000 {
         let v = random.direction();
         angle =
@@ -352,8 +314,7 @@ fn tables() -> Vec<String> {
             roughness.max((lobe_packing::lobe_unpack(packed).perceptual_roughness - x).abs());
         let rgb = v.abs() * random.log_range(-3.0, 4.8);
         let back = radiance_unpack(radiance_pack(rgb, NEAREST));
-        part = part.max(((back - rgb) / rgb.element_sum()).abs().max_element());
-        sum = sum.max((back.element_sum() / rgb.element_sum() - 1.0).abs());
+        color = color.max((back - rgb).abs().max_element() / rgb.max_element());
         let x = random.log_range(-6.0, 6.0);
         variance = variance.max((log_variance_unpack(log_variance_pack(x)) / x - 1.0).abs());
     }
@@ -364,10 +325,7 @@ fn tables() -> Vec<String> {
         "| perceptual roughness, unorm16 | {roughness:.1e} |"
     ));
     lines.push(format!(
-        "| radiance, sum in 16 bits | {sum:.1e} of the sum |"
-    ));
-    lines.push(format!(
-        "| radiance, parts in 2 × unorm8 | {part:.1e} of the sum |"
+        "| radiance, 3 × 9 bits and a common exponent | {color:.1e} of the largest channel |"
     ));
     lines.push(format!("| variance, 8 bits | {variance:.1e} of itself |"));
     lines

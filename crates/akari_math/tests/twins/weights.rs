@@ -111,6 +111,31 @@ fn lobe_twin(weight: LobeWeight, x: &[f32], y: &mut Vec<f32>) {
     y.push(lobe_weight::combined_weight(log));
 }
 
+/// Bound of the weights for inner loops.
+const SMOOTHED: f64 = 2e-5;
+
+/// Two lobes of the range that a filter meets, at any angle.
+fn smoothed_lobes(seed: u64, n: usize) -> Vec<f32> {
+    rows(seed, n, |random, row| {
+        let axis = random.direction();
+        push3(row, axis);
+        let v = random.log_range(-9.0, 0.3);
+        row.push(v);
+        let angle = any_angle(random);
+        push3(row, turned(random, axis, angle));
+        let other = random.log_range(-9.0, 0.3);
+        row.push(pick(random, &[v, other]));
+        row.extend([random.log_range(0.0, 2.0), pick(random, &[0.0, 1e-3])]);
+    })
+}
+
+type SmoothedWeight = fn(Vec3, f32, Vec3, f32, f32) -> f32;
+
+fn smoothed_twin(weight: SmoothedWeight, x: &[f32], y: &mut Vec<f32>) {
+    let log = weight(vec3(x, 0), x[3] + x[9], vec3(x, 4), x[7] + x[9], x[8]);
+    y.push(lobe_weight::combined_weight(log));
+}
+
 /// Two elliptic lobes whose weight is neither 0 nor 1.
 fn ellipses(seed: u64, n: usize, wide: bool) -> Vec<f32> {
     rows(seed, n, |random, row| {
@@ -362,6 +387,89 @@ pub fn cases() -> Vec<Case> {
                 mutation(
                     "APPROXIMATE_BELOW: f32 = 0.1",
                     "APPROXIMATE_BELOW: f32 = 0.11",
+                ),
+            ],
+        },
+        Case {
+            module: MODULE,
+            functions: &["smoothed_lobe_log_weight"],
+            imports: "#import akari_math::lobe_weight::combined_weight",
+            body: "y(0u, combined_weight(smoothed_lobe_log_weight(x_vec3(0u), x(3u) + x(9u), x_vec3(4u), x(7u) + x(9u), x(8u))));",
+            inputs: 10,
+            outputs: 1,
+            twin: |x, y| smoothed_twin(lobe_weight::smoothed_lobe_log_weight, x, y),
+            oracle: Some(|x, y| y.push(approximate(x))),
+            domains: vec![
+                domain(
+                    "close lobes, β 1 to 100",
+                    close_lobes(221, 3000, -8.5, 1.0, 1.0, 100.0),
+                    absolute(SMOOTHED),
+                    absolute(SMOOTHED),
+                ),
+                domain(
+                    "any angle, β 1 to 100",
+                    smoothed_lobes(222, 2000),
+                    absolute(SMOOTHED),
+                    absolute(SMOOTHED),
+                ),
+            ],
+            mutations: vec![
+                mutation(
+                    "let product = (2.0 * a * inverse_sum)",
+                    "let product = (2.001 * a * inverse_sum)",
+                ),
+                mutation(
+                    "dot(offset, offset) * inverse_sum);",
+                    "1.001 * dot(offset, offset) * inverse_sum);",
+                ),
+            ],
+        },
+        Case {
+            module: MODULE,
+            functions: &["smoothed_lobe_log_weight_exact"],
+            imports: "#import akari_math::lobe_weight::combined_weight",
+            body: "y(0u, combined_weight(smoothed_lobe_log_weight_exact(x_vec3(0u), x(3u) + x(9u), x_vec3(4u), x(7u) + x(9u), x(8u))));",
+            inputs: 10,
+            outputs: 1,
+            twin: |x, y| smoothed_twin(lobe_weight::smoothed_lobe_log_weight_exact, x, y),
+            oracle: Some(|x, y| y.push(exact(x))),
+            domains: vec![
+                domain(
+                    "close lobes, β 1 to 100",
+                    close_lobes(223, 4000, -8.5, -0.2, 4.0, 100.0),
+                    absolute(SMOOTHED),
+                    absolute(SMOOTHED),
+                ),
+                domain(
+                    "diffuse lobes, β 1 to 100",
+                    close_lobes(224, 3000, -1.5, 0.0, 1.0, 100.0),
+                    absolute(SMOOTHED),
+                    absolute(SMOOTHED),
+                ),
+                domain(
+                    "any angle, β 1 to 100",
+                    smoothed_lobes(225, 3000),
+                    absolute(SMOOTHED),
+                    absolute(SMOOTHED),
+                ),
+            ],
+            mutations: vec![
+                mutation(
+                    "exp(-2.0 * larger * kept_length)",
+                    "exp(-1.9 * larger * kept_length)",
+                ),
+                mutation("1.0 - exp(-4.0 * smaller)", "1.0 - exp(-3.9 * smaller)"),
+                mutation(
+                    "let is_wide = wide > APPROXIMATE_BELOW;",
+                    "let is_wide = wide > 1.0;",
+                ),
+                mutation(
+                    "narrow * select(LEAST_SHARP_SUM, LEAST_SUM, is_wide)",
+                    "1e-15",
+                ),
+                mutation(
+                    "(kept_length + ratio + 1.0));",
+                    "(kept_length + ratio + 1.001));",
                 ),
             ],
         },

@@ -17,6 +17,7 @@ pub mod polygon;
 pub mod quadrature;
 pub mod quality;
 pub mod report;
+pub mod sg;
 pub mod spheres;
 pub mod table;
 

@@ -1,3 +1,5 @@
 //! Spherical Gaussians.
 
 pub mod lobe;
+pub mod ltc;
+pub mod polygon;

@@ -15,6 +15,8 @@ mod packing;
 mod properties;
 mod reflection_lobes;
 mod sg;
+mod sg_polygon_terms;
+mod sg_polygons;
 mod shadows;
 mod signals;
 mod special;
@@ -31,6 +33,7 @@ use std::collections::BTreeSet;
 fn table() -> Vec<Case> {
     let mut cases = special::cases();
     cases.extend(sg::cases());
+    cases.extend(sg_polygon_terms::cases());
     cases.extend(ggx::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());

@@ -9,6 +9,7 @@ mod image;
 mod kernel;
 mod report;
 mod shaders;
+mod timing;
 
 pub use device::{Gpu, REQUIRE_GPU, gpu, gpu_or_skip};
 pub use image::{ImageDifference, image_difference};
@@ -20,3 +21,5 @@ pub use shaders::{
     definitions_in, layout_fault, struct_layout, u32_constants, undecorated, wgsl_files,
     workgroup_size,
 };
+pub use timing::time_kernels;
+pub use wgpu::DeviceType;

@@ -33,8 +33,9 @@
 //! | 6 | 3.7e-06, 8.3e-08 | 1.6e-04, 5.8e-06 | 2.7e-04, 8.4e-06 |
 //! | 8 | 1.2e-06, 3.9e-08 | 9.7e-05, 3.0e-06 | 8.7e-05, 2.5e-06 |
 //!
-//! Published alternatives over the same triangles are in `docs/sg_polygon.md`. Where the true integral is 0 the result
-//! may have either sign; it is within the same error of 0.
+//! Error against time beside other ways is in `docs/sg_polygon.md`. Polygons as large as a hemisphere, seen from near their
+//! plane, have up to four times the largest error (test `hard_cases`). Where no part of a polygon's boundary is near the
+//! lobe, λu above 12, the integral is all of the lobe's or exactly 0 ([`sg_polygon_settle`]).
 //!
 //! Vertices come one by one and no array of them is kept, as in [`crate::ltc::polygon`]: relative to the shading point,
 //! in the shading frame, in any unit; the part below `z = 0` is clipped. **Sign**: counter-clockwise as seen from the

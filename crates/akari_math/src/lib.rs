@@ -62,6 +62,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ),
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
+    (
+        "akari_math::sg::mirrored_light",
+        include_str!("sg/mirrored_light.wgsl"),
+    ),
     ("akari_math::lobe_weight", include_str!("lobe_weight.wgsl")),
     (
         "akari_math::local_regression",

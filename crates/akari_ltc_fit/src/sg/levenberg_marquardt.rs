@@ -83,10 +83,12 @@ fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
         }
         a.swap(column, pivot);
         b.swap(column, pivot);
-        for row in column + 1..n {
-            let factor = a[row][column] / a[column][column];
-            for k in column..n {
-                a[row][k] -= factor * a[column][k];
+        let (above, below) = a.split_at_mut(column + 1);
+        let pivot_row = &above[column];
+        for (row, values) in (column + 1..n).zip(below) {
+            let factor = values[column] / pivot_row[column];
+            for (value, pivot) in values.iter_mut().zip(pivot_row).skip(column) {
+                *value -= factor * pivot;
             }
             b[row] -= factor * b[column];
         }

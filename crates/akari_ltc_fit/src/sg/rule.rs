@@ -65,7 +65,7 @@ pub struct Random(pub u64);
 
 impl Random {
     /// The next number.
-    pub fn next(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -77,22 +77,22 @@ impl Random {
     /// of the axis, +z.
     pub fn triangle(&mut self, sharpness: f64) -> [DVec3; 3] {
         let width = 1.0 / sharpness.max(1.0).sqrt();
-        let offset = if self.next() < 0.7 {
-            (3.0 * self.next() * width).min(1.2)
+        let offset = if self.uniform() < 0.7 {
+            (3.0 * self.uniform() * width).min(1.2)
         } else {
-            1.2 * self.next()
+            1.2 * self.uniform()
         };
-        let tangent = if self.next() < 0.25 {
-            LARGEST_TANGENT.powf(self.next())
+        let tangent = if self.uniform() < 0.25 {
+            LARGEST_TANGENT.powf(self.uniform())
         } else {
-            10.0_f64.powf(-2.0 * self.next()).tan()
+            10.0_f64.powf(-2.0 * self.uniform()).tan()
         };
         let center = DVec3::new(offset.sin(), 0.0, offset.cos());
         let (u, v) = (DVec3::new(offset.cos(), 0.0, -offset.sin()), DVec3::Y);
-        let mut angles = [0.0, 1.0, 2.0].map(|_| std::f64::consts::TAU * self.next());
+        let mut angles = [0.0, 1.0, 2.0].map(|_| std::f64::consts::TAU * self.uniform());
         angles.sort_by(f64::total_cmp);
         let corner = |random: &mut Self, angle: f64| {
-            let reach = tangent * (0.3 + 0.7 * random.next());
+            let reach = tangent * (0.3 + 0.7 * random.uniform());
             (center + reach * (angle.cos() * u + angle.sin() * v)).normalize()
         };
         angles.map(|angle| corner(self, angle))
@@ -280,8 +280,7 @@ impl Family {
     pub fn gauss_legendre(nodes: usize) -> Self {
         let rule = gauss_legendre(nodes);
         let mut free = vec![0.8, -0.2, 3.0];
-        for i in 0..nodes / 2 {
-            let (node, weight) = rule[i];
+        for (i, (node, weight)) in rule.into_iter().take(nodes / 2).enumerate() {
             free.extend([(2.0 * node - 1.0).abs(), 0.0, 0.0]);
             if i + 1 < nodes / 2 || nodes % 2 == 1 {
                 free.push(2.0 * weight);

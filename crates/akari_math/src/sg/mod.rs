@@ -2,4 +2,5 @@
 
 pub mod lobe;
 pub mod ltc;
+pub mod mirrored_light;
 pub mod polygon;

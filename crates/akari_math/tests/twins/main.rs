@@ -10,6 +10,7 @@ mod layout;
 mod light_image;
 mod lookup;
 mod ltc;
+mod mirrored_light;
 mod noise;
 mod packing;
 mod properties;
@@ -34,6 +35,7 @@ fn table() -> Vec<Case> {
     let mut cases = special::cases();
     cases.extend(sg::cases());
     cases.extend(sg_polygon_terms::cases());
+    cases.extend(mirrored_light::cases());
     cases.extend(ggx::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());

@@ -1,1 +1,3 @@
 //! Benches of `bevy_akari`.
+
+pub mod plot;

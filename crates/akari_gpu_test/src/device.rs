@@ -25,6 +25,8 @@ impl Gpu {
         .map_err(|error| format!("no graphics adapter: {error}"))?;
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("akari_gpu_test"),
+            // For `time_kernels`; tests do not need it.
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
             required_limits: adapter.limits(),
             ..Default::default()
         }))

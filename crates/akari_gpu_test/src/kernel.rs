@@ -9,7 +9,7 @@ use std::fmt;
 /// that was not written never passes for a result.
 pub const UNWRITTEN: u32 = 0x7fc0_dead;
 
-const WORKGROUP_SIZE: u32 = 64;
+pub(crate) const WORKGROUP_SIZE: u32 = 64;
 
 /// A snippet of WGSL that maps `inputs` numbers to `outputs` numbers.
 #[derive(Clone, Debug)]
@@ -135,6 +135,33 @@ pub fn module_functions(modules: &[(&str, &str)], path: &str) -> Result<Vec<Stri
     Ok(names.filter(|name| !name.contains("naga_oil")).collect())
 }
 
+/// The compute pipeline of a kernel.
+pub(crate) fn pipeline(
+    gpu: &Gpu,
+    modules: &[(&str, &str)],
+    kernel: &Kernel<'_>,
+) -> Result<wgpu::ComputePipeline, KernelError> {
+    let module = compose(modules, &kernel.source())?;
+    let device = &gpu.device;
+    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("twin kernel"),
+        source: wgpu::ShaderSource::Naga(Cow::Owned(module)),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("twin kernel"),
+        layout: None,
+        module: &shader,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    if let Some(error) = pollster::block_on(scope.pop()) {
+        return Err(KernelError::Device(error.to_string()));
+    }
+    Ok(pipeline)
+}
+
 /// Runs `kernel` for every row of `input` (row after row) and returns the rows of output.
 ///
 /// # Panics
@@ -160,25 +187,8 @@ pub fn run_kernel(
     if rows == 0 {
         return Ok(Vec::new());
     }
-    let module = compose(modules, &kernel.source())?;
-
+    let pipeline = pipeline(gpu, modules, kernel)?;
     let device = &gpu.device;
-    let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("twin kernel"),
-        source: wgpu::ShaderSource::Naga(Cow::Owned(module)),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("twin kernel"),
-        layout: None,
-        module: &shader,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    if let Some(error) = pollster::block_on(scope.pop()) {
-        return Err(KernelError::Device(error.to_string()));
-    }
 
     let buffer = |label, words: usize, usage| {
         device.create_buffer(&wgpu::BufferDescriptor {

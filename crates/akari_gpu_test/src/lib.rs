@@ -10,6 +10,7 @@ mod kernel;
 mod program;
 mod report;
 mod shaders;
+mod timing;
 
 pub use device::{Gpu, REQUIRE_GPU, gpu, gpu_or_skip};
 pub use image::{ImageDifference, image_difference};
@@ -22,3 +23,5 @@ pub use shaders::{
     definitions_in, layout_fault, struct_layout, u32_constants, undecorated, wgsl_files,
     workgroup_size,
 };
+pub use timing::time_kernels;
+pub use wgpu::DeviceType;

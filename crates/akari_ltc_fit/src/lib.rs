@@ -7,6 +7,7 @@
 //! is linear in the direction, fitted with it ([`Model`]), for lights far from the mirror direction.
 //!
 //! - [`fit_table`] fits, [`generate`] writes the file that `akari_math::ltc::table` includes.
+//! - [`sg`] fits what integrates spherical Gaussians over polygons: quadrature rules and mixtures of cosines.
 //! - [`quality()`] measures a table (total variation, albedo, integrals over polygons), [`report()`] prints the figures.
 
 pub mod brdf;
@@ -17,6 +18,7 @@ pub mod polygon;
 pub mod quadrature;
 pub mod quality;
 pub mod report;
+pub mod sg;
 pub mod spheres;
 pub mod table;
 

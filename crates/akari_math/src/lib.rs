@@ -64,6 +64,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ),
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
+    (
+        "akari_math::sg::mirrored_light",
+        include_str!("sg/mirrored_light.wgsl"),
+    ),
     ("akari_math::lobe_weight", include_str!("lobe_weight.wgsl")),
     (
         "akari_math::local_regression",
@@ -91,6 +95,8 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         "akari_math::convex_shadow",
         include_str!("convex_shadow.wgsl"),
     ),
+    ("akari_math::sg::polygon", include_str!("sg/polygon.wgsl")),
+    ("akari_math::sg::ltc", include_str!("sg/ltc.wgsl")),
     ("akari_math::form_factor", include_str!("form_factor.wgsl")),
     ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),

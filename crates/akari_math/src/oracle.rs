@@ -2,6 +2,8 @@
 //!
 //! Slow and meant for tests and table generators alone.
 
+pub mod sg_polygon;
+
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;

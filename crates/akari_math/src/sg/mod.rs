@@ -1,3 +1,6 @@
 //! Spherical Gaussians.
 
 pub mod lobe;
+pub mod ltc;
+pub mod mirrored_light;
+pub mod polygon;

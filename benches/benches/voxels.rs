@@ -97,6 +97,9 @@ fn triangles() {
             cascades: 2,
             voxel_size: 0.05,
             bricks_per_frame: 60_000,
+            cones: 1,
+            gather_cones: 1,
+            light_rays: 1,
             ..VoxelGi::default()
         };
         let Some((mut headless, _)) = start(settings) else {

@@ -5,6 +5,7 @@ use crate::prepare::VoxelBuffers;
 use crate::settings::VoxelGi;
 use crate::surfaces::{is_emissive, is_voxelized};
 use crate::types::{COUNTER_NAMES, POOL_HEADER};
+use akari_render::emission::ShinesAsAreaLight;
 use akari_render::prelude::*;
 use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight, RectLight};
 use bevy::prelude::*;
@@ -17,7 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Census entry: meshes that are visible, opaque and lit.
 pub const VOXEL_MESHES: &str = "meshes that voxels hold";
-/// Census entry: meshes of those that shine.
+/// Census entry: meshes of those that shine and that no area light stands for.
 pub const EMISSIVE_MESHES: &str = "emissive meshes";
 /// Census entry: lights and environment maps of Bevy that are not hidden.
 pub const BOUNCING_LIGHTS: &str = "lights that bounce";
@@ -67,19 +68,29 @@ pub fn demand(census: &Census) -> Demand {
 type MeshChanged = Or<(
     Changed<MeshMaterial3d<StandardMaterial>>,
     Changed<InheritedVisibility>,
+    Added<ShinesAsAreaLight>,
 )>;
 
 fn count_meshes(
-    meshes: Query<(&MeshMaterial3d<StandardMaterial>, &InheritedVisibility), With<Mesh3d>>,
+    meshes: Query<
+        (
+            &MeshMaterial3d<StandardMaterial>,
+            &InheritedVisibility,
+            Has<ShinesAsAreaLight>,
+        ),
+        With<Mesh3d>,
+    >,
     changed: Query<(), (With<MeshMaterial3d<StandardMaterial>>, MeshChanged)>,
     cameras: Query<(), With<VoxelGi>>,
     mut removed: RemovedComponents<MeshMaterial3d<StandardMaterial>>,
+    mut removed_lights: RemovedComponents<ShinesAsAreaLight>,
     mut events: MessageReader<AssetEvent<StandardMaterial>>,
     materials: Res<Assets<StandardMaterial>>,
     mut census: ResMut<Census>,
     mut counted: Local<bool>,
 ) {
-    let any_event = removed.read().count() + events.read().count() > 0;
+    let any_event =
+        removed.read().count() + removed_lights.read().count() + events.read().count() > 0;
     if cameras.is_empty() {
         *counted = false;
         return;
@@ -89,13 +100,13 @@ fn count_meshes(
     }
     *counted = true;
     let (mut lit, mut emissive) = (0, 0);
-    for (material, visibility) in &meshes {
+    for (material, visibility, is_light) in &meshes {
         let Some(material) = materials.get(&material.0) else {
             continue;
         };
         if visibility.get() && is_voxelized(material) {
             lit += 1;
-            emissive += u32::from(is_emissive(material));
+            emissive += u32::from(is_emissive(material) && !is_light);
         }
     }
     set(&mut census, VOXEL_MESHES, lit);

@@ -20,7 +20,7 @@ use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::schedule::{Core3d, camera_driver};
 use bevy::prelude::*;
-use bevy::render::renderer::{RenderDevice, RenderGraph};
+use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
@@ -124,6 +124,8 @@ impl Plugin for VoxelGiPlugin {
                 RenderGraph,
                 (pass::voxelize, lighting::light_voxels)
                     .chain()
+                    // Time spans of the frame begin before this set.
+                    .in_set(RenderGraphSystems::Render)
                     .before(camera_driver),
             )
             .add_systems(Core3d, cones::trace_cones.in_set(AkariPassSystems::Signals));

@@ -3,7 +3,7 @@
 use crate::EFFECT;
 use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
 use crate::pipeline::StoreKey;
-use crate::prepare::VoxelBuffers;
+use crate::prepare::{VoxelBuffers, VoxelFrame};
 use crate::scene::VoxelScene;
 use crate::types::GpuVoxelClipmap;
 use akari_render::area_lights::AreaLightPolygons;
@@ -27,6 +27,19 @@ pub const VOXEL_GROUP: u32 = 1;
 /// Farthest that voxels gather light from, metres: farther than any clipmap.
 pub const REACH: f32 = 1e6;
 
+/// For how many settled frames the mean counts after lights have changed: what follows is weighted as if the mean were
+/// that old.
+const FRAMES_AFTER_CHANGE: u32 = 8;
+
+/// Share of a frame in the mean: 2 / (n + 1) of the first n frames, by which late frames, which have more bounces in
+/// them, count more than early ones (their weights grow linearly), then 1 / `history`.
+///
+/// With the latter alone, each bounce would lag that many frames behind the one before it.
+fn mean_rate(settled: u32, history: u32) -> f32 {
+    let ramp = 2.0 / (settled.min(1 << 20) + 1) as f32;
+    ramp.max(1.0 / history.max(1) as f32).min(1.0)
+}
+
 /// Pipelines and bindings of the lighting passes.
 #[derive(Resource)]
 pub struct VoxelLighting {
@@ -37,6 +50,8 @@ pub struct VoxelLighting {
     lights: StorageBuffer<Vec<Vec4>>,
     groups: Option<Groups>,
     frame: u32,
+    /// Frames since the light was last known to be far from what it will be.
+    settled: u32,
 }
 
 struct Groups {
@@ -171,6 +186,7 @@ impl VoxelLighting {
             lights: StorageBuffer::default(),
             groups: None,
             frame: 0,
+            settled: 0,
         }
     }
 }
@@ -180,6 +196,7 @@ pub fn prepare_lighting(
     mut commands: Commands,
     scene: Res<VoxelScene>,
     buffers: Option<Res<VoxelBuffers>>,
+    frame: Res<VoxelFrame>,
     lighting: Option<ResMut<VoxelLighting>>,
     lights: Res<VoxelLights>,
     polygons: Res<AreaLightPolygons>,
@@ -203,6 +220,16 @@ pub fn prepare_lighting(
     lighting.frame = lighting.frame.wrapping_add(1);
     let (vectors, light_count) =
         pack_lights(&lights.lights, &polygons.lights, buffers.clipmap.camera());
+    lighting.settled = lighting.settled.saturating_add(1);
+    let filling = frame
+        .commands
+        .as_ref()
+        .is_some_and(|commands| commands.made >= view.settings.bricks_per_frame);
+    if filling {
+        lighting.settled = 0;
+    } else if *lighting.lights.get() != vectors {
+        lighting.settled = lighting.settled.min(FRAMES_AFTER_CHANGE);
+    }
     ledger.set_bytes(EFFECT, "lights", 16 * vectors.len() as u64);
     lighting.lights.set(vectors);
     lighting.lights.write_buffer(&device, &queue);
@@ -211,7 +238,7 @@ pub fn prepare_lighting(
         light_count,
         frame: lighting.frame,
         cones: view.settings.gather_cones.max(1),
-        rate: 1.0 / view.settings.history.max(1) as f32,
+        rate: mean_rate(lighting.settled, view.settings.history),
         aperture: view.settings.aperture,
         reach: REACH,
         light_rays: view.settings.light_rays.clamp(1, 64),
@@ -299,5 +326,21 @@ pub fn light_voxels(
         .and_then(|id| cache.get_compute_pipeline(id));
     if let (Some(pipeline), Some((first, voxels))) = (gather, &groups.gather) {
         run(GATHER_LABEL, pipeline, first, voxels);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_forgets_its_first_frames() {
+        assert_eq!(mean_rate(0, 32), 1.0);
+        assert_eq!(mean_rate(1, 32), 1.0);
+        assert_eq!(mean_rate(1000, 32), 1.0 / 32.0);
+        assert_eq!(mean_rate(1000, 0), 1.0);
+        // What the first of 20 frames counts in the end.
+        let first: f32 = (2..=20).map(|frame| 1.0 - mean_rate(frame, 32)).product();
+        assert!(first < 0.01, "{first}");
     }
 }

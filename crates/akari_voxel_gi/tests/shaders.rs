@@ -24,6 +24,18 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("lighting.wgsl", include_str!("../src/lighting.wgsl")),
 ];
 
+/// Modules of other crates that they import.
+const BORROWED: &[(&str, &str)] = &[
+    (
+        "guides.wgsl",
+        include_str!("../../akari_lobes/src/guides.wgsl"),
+    ),
+    (
+        "gbuffer.wgsl",
+        include_str!("../../akari_render/src/gbuffer.wgsl"),
+    ),
+];
+
 /// The voxels are bound as group 1 to what lights them.
 const LIT_GROUP: &[&[&str]] = &[&["VOXEL_GROUP=1"]];
 
@@ -72,6 +84,23 @@ fn mips() -> Entry {
     }
 }
 
+fn cones() -> Entry {
+    Entry {
+        file: "cones.wgsl",
+        source: include_str!("../src/cones.wgsl"),
+        entry_point: "trace",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&["TRACE_RADIANCE"]],
+            &[&[], &["EXTERNAL_GUIDES"]],
+            &[&[], &["STORED_LOBES"]],
+            &[&[], &["WANG_LOBES"]],
+            &[&[], &["SPECULAR"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
+
 fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     Entry {
         file: "release.wgsl",
@@ -81,8 +110,9 @@ fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     }
 }
 
-fn entries() -> [Entry; 7] {
+fn entries() -> [Entry; 8] {
     [
+        cones(),
         inject(),
         gather(),
         voxelize(),
@@ -94,7 +124,7 @@ fn entries() -> [Entry; 7] {
 }
 
 fn composer() -> Composer {
-    Composer::new(LIBRARIES, &entries().each_ref())
+    Composer::new(&[LIBRARIES, BORROWED].concat(), &entries().each_ref())
 }
 
 #[test]
@@ -181,6 +211,7 @@ fn constants_agree() {
         ("POOL_FREE", POOL_FREE),
         ("POOL_RETURNED", POOL_RETURNED),
         ("RELEASE_PENDING", RELEASE_PENDING),
+        ("UNKNOWN_IRRADIANCE", UNKNOWN_IRRADIANCE),
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }

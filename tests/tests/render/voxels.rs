@@ -194,6 +194,13 @@ fn gi(resolution: u32, cascades: u32, voxel_size: f32) -> VoxelGi {
         pages: 20_000,
         bricks_per_frame: 4096,
         feedback: true,
+        // What is looked at is what is lit, not how.
+        cones: 1,
+        specular_cones: 0,
+        scale: 4,
+        gather_cones: 1,
+        light_rays: 1,
+        ..VoxelGi::default()
     }
 }
 
@@ -533,32 +540,34 @@ fn instances_mirrored_and_two_sided_meshes_count_as_they_are_seen() {
         emissive: LinearRgba::rgb(100.0, 50.0, 25.0),
         ..default()
     };
-    spawn_material(&mut headless, &card, place, two_sided);
+    let shining = spawn_material(&mut headless, &card, place, two_sided.clone());
+    headless
+        .app
+        .world_mut()
+        .entity_mut(shining)
+        .insert(NoAreaLight);
+    // An area light stands for this one.
+    let below = Transform::from_xyz(0.13, -1.01, 0.07);
+    spawn_material(&mut headless, &card, below, two_sided);
     settle(&mut headless);
     let voxels = voxels(&headless);
-    expected[2] += 0.25;
-    expected[3] += 0.25;
-    assert_areas(
-        facing_areas(&voxels, 0, size),
-        expected,
-        2e-3,
-        "with a card",
-    );
-    let (_, voxel) = voxels
-        .iter()
-        .find(|((level, place), _)| *level == 0 && f64::from(place[1]) * size > 0.9)
-        .expect("the card is there");
-    let albedo = voxel_surface_unpack(voxel.surface[2], 2).albedo;
-    assert!(
-        albedo.abs_diff_eq(Vec3::new(0.5, 0.25, 0.125), 0.003),
-        "{albedo}"
-    );
-    let shine = voxel.emission.expect("something shines")[3];
-    let shine = voxel_radiance_unpack(shine);
-    assert!(
-        shine.abs_diff_eq(Vec3::new(100.0, 50.0, 25.0), 1.0),
-        "{shine}"
-    );
+    expected[2] += 0.5;
+    expected[3] += 0.5;
+    assert_areas(facing_areas(&voxels, 0, size), expected, 2e-3, "with cards");
+    for (side, light) in [(1.0, Vec3::new(100.0, 50.0, 25.0)), (-1.0, Vec3::ZERO)] {
+        let (_, voxel) = voxels
+            .iter()
+            .find(|((level, place), _)| *level == 0 && side * f64::from(place[1]) * size > 0.9)
+            .expect("the card is there");
+        let albedo = voxel_surface_unpack(voxel.surface[2], 2).albedo;
+        assert!(
+            albedo.abs_diff_eq(Vec3::new(0.5, 0.25, 0.125), 0.003),
+            "{albedo}"
+        );
+        let shine = voxel.emission.expect("something shines")[3];
+        let shine = voxel_radiance_unpack(shine);
+        assert!(shine.abs_diff_eq(light, 1.0), "{shine} is not {light}");
+    }
 }
 
 #[test]
@@ -756,8 +765,12 @@ fn nothing_is_there_that_the_scene_does_not_call_for() {
     assert!(!voxels(&headless).is_empty());
     assert!(has_pipelines(&headless));
     assert!(headless.ledger().bytes_by_effect()[EFFECT] > 0);
-    // A still scene costs memory, but no pass.
-    assert!(passes_of_three_frames(&mut headless).is_empty());
+    // A still scene is lit in each frame, but not voxelized.
+    let still = passes_of_three_frames(&mut headless);
+    assert!(!still.is_empty(), "it is not lit");
+    for label in [RELEASE_LABEL, VOXELIZE_LABEL, MIPS_LABEL] {
+        assert!(!still.contains(label), "{label} ran for nothing");
+    }
     let passes = headless.ledger().passes();
     for label in [RELEASE_LABEL, VOXELIZE_LABEL, MIPS_LABEL] {
         assert!(passes.contains_key(label), "{label} never ran");

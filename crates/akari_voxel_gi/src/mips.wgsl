@@ -99,7 +99,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         most = max(most, area);
         record.surface[face] = voxel_surface_pack(VoxelSurface(albedo * scale, place * scale, normal), face);
 #ifdef EMISSIVE
-        record.emission[face] = voxel_radiance_pack(shine * scale, vec2<f32>(0.5));
+        record.emission[face] = voxel_radiance_pack(shine * scale, vec3<f32>(0.5));
 #endif
     }
     record.coverage = coverage_pack(

@@ -59,7 +59,7 @@ fn load_face(owner: u32, page: u32, local: u32) -> VoxelFace {
 }
 
 // Two dithers in [0, 1).
-fn dither(face: VoxelFace, frame: u32) -> vec2<f32> {
+fn dither(face: VoxelFace, frame: u32) -> vec3<f32> {
     let random = random_hash(vec3(6u * face.record + face.face, frame, 0x64697468u));
-    return vec2(random_unit(random.x), random_unit(random.y));
+    return vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z));
 }

@@ -54,7 +54,7 @@ impl Surface {
                 | (unorm_pack(albedo.z) << 16)
                 | (unorm_pack(self.coverage) << 24),
             // Half a step of dither rounds to the nearest.
-            emission: voxel_radiance_pack(self.emission, Vec2::splat(0.5)),
+            emission: voxel_radiance_pack(self.emission, Vec3::splat(0.5)),
         }
     }
 }

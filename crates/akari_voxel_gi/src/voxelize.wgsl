@@ -264,7 +264,7 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             face,
         );
 #ifdef EMISSIVE
-        record.emission[face] = voxel_radiance_pack(sums.emission[face] * scale, vec2<f32>(0.5));
+        record.emission[face] = voxel_radiance_pack(sums.emission[face] * scale, vec3<f32>(0.5));
 #endif
     }
     record.coverage = coverage_pack(

@@ -123,7 +123,7 @@ fn voxel_surface_unpack(bits: vec2<u32>, face: u32) -> VoxelSurface {
 }
 
 // Radiance or irradiance in a word.
-fn voxel_radiance_pack(rgb: vec3<f32>, dither: vec2<f32>) -> u32 {
+fn voxel_radiance_pack(rgb: vec3<f32>, dither: vec3<f32>) -> u32 {
     return radiance_pack(rgb / RADIANCE_UNIT, dither);
 }
 

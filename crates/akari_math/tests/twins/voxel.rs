@@ -191,7 +191,7 @@ fn records() -> Vec<Case> {
                 let surface = voxel_surface_unpack(voxel_surface_pack(VoxelSurface(x_vec3(0u), x_vec3(3u), x_vec3(6u)), face), face);
                 y_vec3(0u, surface.albedo); y_vec3(3u, surface.centroid); y_vec3(6u, surface.normal);
                 let radiance = x_vec3(9u);
-                y_vec3(9u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec2<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));
+                y_vec3(9u, voxel_radiance_unpack(voxel_radiance_pack(radiance, vec3<f32>(0.5))) / (radiance.x + radiance.y + radiance.z));
                 y(12u, share_unpack(share_pack(x(3u), 7u), 7u));",
             inputs: 13,
             outputs: 13,
@@ -203,7 +203,7 @@ fn records() -> Vec<Case> {
                 push3(y, surface.centroid);
                 push3(y, surface.normal);
                 let radiance = vec3(x, 9);
-                let back = packing::voxel_radiance_unpack(packing::voxel_radiance_pack(radiance, Vec2::splat(0.5)));
+                let back = packing::voxel_radiance_unpack(packing::voxel_radiance_pack(radiance, Vec3::splat(0.5)));
                 push3(y, back / radiance.element_sum());
                 y.push(packing::share_unpack(packing::share_pack(x[3], 7), 7));
             },

@@ -4,7 +4,7 @@ use akari_math::voxel::brick::{PAGE_RECORDS, brick_slot, page_owner_pack, voxel_
 use akari_math::voxel::packing::{
     VoxelSurface, coverage_pack, voxel_radiance_pack, voxel_surface_pack,
 };
-use glam::{DVec3, IVec3, UVec3, Vec2, Vec3};
+use glam::{DVec3, IVec3, UVec3, Vec3};
 use std::collections::BTreeMap;
 
 /// A plane polygon, counter-clockwise as seen from its front.
@@ -253,7 +253,7 @@ impl Voxels {
             self.surface.extend(packed.to_array());
             let emission = Vec3::splat((face.emission / share) as f32);
             self.emission
-                .push(voxel_radiance_pack(emission, Vec2::splat(0.5)));
+                .push(voxel_radiance_pack(emission, Vec3::splat(0.5)));
             let area = face.area * normal[f / 2].abs() * level.voxel * level.voxel;
             self.areas.push((area, index));
         }

@@ -117,7 +117,7 @@ impl Knobs for VoxelGi {
             min: FEWEST_PAGES as f32,
             max: MOST_PAGES as f32,
             integer: true,
-            presets: [8192.0, 16384.0, 32768.0, 65535.0],
+            presets: [8192.0, 16384.0, 28672.0, 65535.0],
             cost: "1.3 to 2 KB each",
         },
         Knob {

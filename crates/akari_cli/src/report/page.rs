@@ -111,9 +111,9 @@ fn section(html: &mut String, curve: &Curve, parts: &Path) -> Result<(), CliErro
     let noise = reference.noise.map_or_else(String::new, |noise| {
         format!(", own noise {} %", figure(100.0 * noise))
     });
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "<section id=\"{}\"><h2>{} on {}</h2><p>{}; {} x {} pixels; reference of {} samples a pixel{noise}.</p>\n",
+        "<section id=\"{}\"><h2>{} on {}</h2><p>{}; {} x {} pixels; reference of {} samples a pixel{noise}.</p>",
         escape(&slug(curve)),
         escape(&curve.effect),
         escape(&curve.scene),

@@ -272,13 +272,12 @@ impl Controller {
         while expected > AIM * self.budget_ms {
             // Of all steps down that save anything, the one that costs the least error a millisecond.
             let mut best: Option<(f32, usize, usize, f32)> = None;
-            for ladder in 0..self.states.len() {
-                for to in 0..self.states[ladder].at {
-                    let saved = self.saving(ladder, to, effect_ms[ladder]);
+            for (ladder, (state, effect_ms)) in self.states.iter().zip(&effect_ms).enumerate() {
+                for to in 0..state.at {
+                    let saved = self.saving(ladder, to, *effect_ms);
                     if saved <= 0.0 {
                         continue;
                     }
-                    let state = &self.states[ladder];
                     let worse = (state.errors[to] / state.errors[state.at].max(f32::MIN_POSITIVE))
                         .max(1.0)
                         .ln();
@@ -296,7 +295,7 @@ impl Controller {
             expected -= saved;
         }
         let steps: Vec<Step> = self.steps_since(&before);
-        (!steps.is_empty()).then(|| Change {
+        (!steps.is_empty()).then_some(Change {
             frame: self.frame,
             steps,
             measured_ms: total_ms,

@@ -81,7 +81,7 @@ pub struct Denoise {
     pub history: u32,
     /// Confidence below which a pixel of an upsampled signal is listed to be shaded again: the overlap of the neighbours'
     /// lobes with its own, halved where their samples deviate by a twentieth of (2 + their mean) and no history tells
-    /// which is right. 0 lists none. 0 to 1. At most a twelfth of the pixels, and only where the producer can.
+    /// which is right. 0 lists none. 0 to 1. At most one in eleven of the pixels, and only where the producer can.
     pub resample_below: f32,
 }
 

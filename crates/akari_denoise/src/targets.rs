@@ -16,7 +16,7 @@ pub const WORD_FORMAT: TextureFormat = TextureFormat::R32Uint;
 /// Format of what the next frame compares with.
 pub const REMEMBERED_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
 /// Share of the pixels that the list of pixels to be shaded again holds: one of so many.
-const LISTED_PIXELS: u32 = 12;
+const LISTED_PIXELS: u32 = 11;
 /// Pixels of a row that share a word of the supports.
 pub const PIXELS_PER_WORD: u32 = 4;
 /// Words before the pixels of the list: their number, the capacity, two of padding.

@@ -2,16 +2,17 @@
 //!
 //! ```no_run
 //! # use bevy::prelude::*;
-//! # //! # use bevy_akari::prelude::*;
+//! # use bevy::render::diagnostic::RenderDiagnosticsPlugin;
+//! # use bevy_akari::prelude::*;
 //! App::new()
 //!     .add_plugins((DefaultPlugins, RenderDiagnosticsPlugin, AkariPlugins))
 //!     .insert_resource(FrameBudget { gpu_ms: 4.0 });
 //! ```
 //!
-//! [`FrameBudgetPlugin`], one of `AkariPlugins`, reads the time spans of our passes, and moves each effect along its [`Ladder`]: the settings
-//! that no other setting beats in both time and error, as `akari report` measured them. It changes the settings of all
-//! cameras (`Default…` resources); a camera that has a component of its own keeps it. [`BudgetLog`] tells what was
-//! changed and why. Without the resource [`FrameBudget`] nothing is done. Bevy's `RenderDiagnosticsPlugin` measures the
+//! [`FrameBudgetPlugin`], one of `AkariPlugins`, reads the time spans of our passes, and moves each effect along its
+//! [`Ladder`]: the settings that no other setting beats in both time and error, as `akari report` measured them. It
+//! changes the settings of all cameras (`Default…` resources); a camera that has a component of its own keeps it.
+//! [`BudgetLog`] tells what was changed and why. Without the resource [`FrameBudget`] nothing is done. Bevy's `RenderDiagnosticsPlugin` measures the
 //! times, which costs a little by itself; without it, or on a device without timestamps, settings stay as they are, and a
 //! warning says so.
 

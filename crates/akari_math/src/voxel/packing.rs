@@ -150,7 +150,7 @@ pub fn voxel_surface_unpack(bits: UVec2, face: u32) -> VoxelSurface {
 }
 
 /// Radiance or irradiance, 0 to 1,046,528 in each channel, in a word; dither and error as in
-/// [`radiance_pack`](crate::signal_packing::radiance_pack).
+/// [`radiance_pack`].
 #[must_use]
 pub fn voxel_radiance_pack(rgb: Vec3, dither: Vec3) -> u32 {
     radiance_pack(rgb / RADIANCE_UNIT, dither)

@@ -5,6 +5,7 @@
 #import akari_math::lobe_packing::{half_pack, half_unpack}
 #import akari_math::octahedral::{octahedral_decode, octahedral_encode}
 #import akari_math::noise_estimate::{relative_noise_log, relative_noise_pack}
+#import akari_math::random::{random_hash, random_unit}
 
 struct DenoiseView {
     previous_clip_from_relative: mat4x4<f32>,
@@ -136,16 +137,8 @@ fn luminance(color: vec3<f32>) -> f32 {
     return dot(color, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// Well spread numbers of [0, 1) per pixel, frame and lane (Jarzynski and Olano 2020, "Hash Functions for GPU
-// Rendering", pcg3d).
+// Numbers of [0, 1) that differ by pixel and frame.
 fn dither(pixel: vec2<u32>, frame: u32) -> vec3<f32> {
-    var v = vec3(pixel, frame) * 1664525u + 1013904223u;
-    v.x += v.y * v.z;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v ^= v >> vec3(16u);
-    v.x += v.y * v.z;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    return vec3<f32>(v >> vec3(8u)) / 16777216.0;
+    let random = random_hash(vec3(pixel, frame));
+    return vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z));
 }

@@ -4,6 +4,7 @@ mod accuracy;
 mod budget;
 mod demand;
 mod denoise;
+mod indirect;
 mod lights;
 mod shadows;
 mod stability;

@@ -5,7 +5,7 @@ use crate::bindings::Bindings;
 use crate::debug::{DenoiseDebugView, ViewDenoiseDebug};
 use crate::extract::ViewDenoise;
 use crate::pipeline::{DenoisePipelines, Pass, PipelineKey};
-use crate::settings::{Denoise, Kernel, Method};
+use crate::settings::{A_TROUS_RADIUS, Denoise, Kernel, Method};
 use crate::targets::{DenoiseTargets, REMEMBERED_FORMAT, Shape, WORD_FORMAT};
 use crate::types::{DIFFUSE_BIT, GpuDenoiseStage, GpuDenoiseView, SPECULAR_BIT};
 use akari_math::reprojection::sample_offset;
@@ -225,9 +225,7 @@ fn stage_count(settings: &Denoise) -> u32 {
     }
 }
 
-/// Largest radius of the à-trous kernel in taps, and the standard deviation in taps of a Gaussian that stands for its B3
-/// spline (1, 4, 6, 4, 1) / 16.
-const A_TROUS_RADIUS: u32 = 2;
+/// Standard deviation in taps of a Gaussian that stands for the B3 spline (1, 4, 6, 4, 1) / 16 of the à-trous kernel.
 const A_TROUS_SIGMA: f32 = 1.0;
 /// The same of three taps: wide for so few, so that three levels still reach far.
 const NARROW_A_TROUS_SIGMA: f32 = 0.85;

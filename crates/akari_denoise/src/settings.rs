@@ -55,6 +55,9 @@ impl Kernel {
     pub const ALL: [Self; 3] = [Self::Full, Self::Separable, Self::ATrous];
 }
 
+/// Largest radius of a level of the à-trous kernel, taps.
+pub const A_TROUS_RADIUS: u32 = 2;
+
 /// How noisy signals are cleaned up. On a camera, for that camera; else [`DefaultDenoise`] counts.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -113,7 +116,7 @@ impl Knobs for Denoise {
             min: 0.0,
             max: 2.0,
             integer: true,
-            presets: [2.0, 2.0, 2.0, 0.0],
+            presets: [2.0, 2.0, 2.0, 2.0],
             cost: "(2 r + 1)² taps; 2 (2 r + 1) taps; 25 taps a level, 9 with a radius of 1",
         },
         Knob {
@@ -167,7 +170,7 @@ impl Knobs for Denoise {
             min: 0.0,
             max: 1.0,
             integer: true,
-            presets: [0.0, 0.0, 0.0, 1.0],
+            presets: [0.0, 0.0, 0.0, 0.0],
             cost: "more arithmetic a tap",
         },
         Knob {
@@ -176,7 +179,7 @@ impl Knobs for Denoise {
             min: 1.0,
             max: 64.0,
             integer: true,
-            presets: [16.0, 16.0, 32.0, 32.0],
+            presets: [16.0, 16.0, 32.0, 64.0],
             cost: "memory and motion vectors unless 1; a longer history reacts more slowly",
         },
         Knob {
@@ -241,6 +244,37 @@ impl Knobs for Denoise {
         }
         settings
     }
+
+    fn effective(self) -> Self {
+        let high = Self::preset(Quality::High);
+        Self {
+            radius: match self.kernel {
+                Kernel::ATrous => self.radius.min(A_TROUS_RADIUS),
+                Kernel::Full | Kernel::Separable => self.radius,
+            },
+            levels: match self.kernel {
+                Kernel::ATrous => self.levels,
+                Kernel::Full | Kernel::Separable => high.levels,
+            },
+            beta: match self.method {
+                Method::Lobe | Method::Distribution => self.beta,
+                Method::Guided | Method::Normal | Method::AxisAligned => high.beta,
+            },
+            kappa: match self.method {
+                Method::Lobe => self.kappa,
+                _ => high.kappa,
+            },
+            sigma_n_squared: match self.method {
+                Method::Normal => self.sigma_n_squared,
+                _ => high.sigma_n_squared,
+            },
+            anisotropic: match self.method {
+                Method::Guided | Method::Lobe => self.anisotropic,
+                _ => high.anisotropic,
+            },
+            ..self
+        }
+    }
 }
 
 #[cfg(test)]
@@ -258,6 +292,39 @@ mod tests {
                 assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
             }
         }
+    }
+
+    #[test]
+    fn knobs_that_do_not_count_are_told_from_those_that_do() {
+        let changed = |knob: &str, value: f32, settings: Denoise| {
+            let mut other = settings;
+            other.set_knob(knob, value).expect("valid");
+            other.effective() != settings.effective()
+        };
+        let guided = Denoise::preset(Quality::High);
+        for (knob, value) in [
+            ("beta", 3.0),
+            ("kappa", 3.0),
+            ("sigma_n_squared", 3.0),
+            ("radius", 9.0),
+        ] {
+            assert!(!changed(knob, value, guided), "{knob} of {guided:?}");
+        }
+        for (knob, value) in [
+            ("radius", 1.0),
+            ("levels", 4.0),
+            ("history", 4.0),
+            ("method", 2.0),
+        ] {
+            assert!(changed(knob, value, guided), "{knob} of {guided:?}");
+        }
+        let lobe = Denoise {
+            method: Method::Lobe,
+            kernel: Kernel::Full,
+            ..guided
+        };
+        assert!(changed("kappa", 3.0, lobe) && changed("radius", 9.0, lobe));
+        assert!(!changed("levels", 4.0, lobe) && !changed("sigma_n_squared", 3.0, lobe));
     }
 
     #[test]

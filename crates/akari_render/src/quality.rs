@@ -106,6 +106,12 @@ pub trait Knobs: Sized {
     /// The settings of a preset.
     fn preset(quality: Quality) -> Self;
 
+    /// The same settings with every knob that does not count beside the others at its value of [`Quality::High`]:
+    /// settings with the same effective settings draw the same picture in the same time.
+    fn effective(self) -> Self {
+        self
+    }
+
     /// Sets the knob `name` to `value`.
     ///
     /// # Errors

@@ -23,6 +23,8 @@
 
 pub mod budget;
 pub mod buffers;
+pub mod diagnostics;
+pub mod guide;
 pub mod headless;
 pub mod resample;
 pub mod settings;
@@ -41,6 +43,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 pub mod prelude {
     pub use crate::AkariPlugins;
     pub use crate::budget::{BudgetLog, FrameBudget, FrameBudgetPlugin};
+    pub use crate::diagnostics::{AkariDiagnosticsPlugin, AkariOverlay, AkariSummary};
     pub use crate::settings::AkariSettings;
     pub use akari_area_light::prelude::*;
     pub use akari_denoise::prelude::*;

@@ -81,6 +81,18 @@ impl AkariSettings {
         }
     }
 
+    /// The same with every knob that does not count beside the others at its value of [`Quality::High`].
+    #[must_use]
+    pub fn effective(self) -> Self {
+        Self {
+            area_lights: self.area_lights.effective(),
+            shadows: self.shadows.effective(),
+            lobes: self.lobes.effective(),
+            denoise: self.denoise.effective(),
+            voxel_gi: self.voxel_gi.effective(),
+        }
+    }
+
     /// In the order of [`EFFECT_NAMES`].
     fn effects(&mut self) -> [&mut dyn AnyKnobs; EFFECT_NAMES.len()] {
         [

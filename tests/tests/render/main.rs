@@ -6,6 +6,7 @@ mod demand;
 mod denoise;
 mod indirect;
 mod lights;
+mod overlay;
 mod shadows;
 mod stability;
 mod voxels;

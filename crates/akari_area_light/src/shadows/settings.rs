@@ -106,6 +106,24 @@ impl Knobs for AreaShadows {
         }
         settings
     }
+
+    fn effective(self) -> Self {
+        let high = Self::preset(Quality::High);
+        if !self.enabled {
+            return Self {
+                enabled: false,
+                ..high
+            };
+        }
+        Self {
+            parallax: if self.pieces_roughness < 0.0 {
+                high.parallax
+            } else {
+                self.parallax
+            },
+            ..self
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,13 +2,15 @@
 //!
 //! Each setting of each effect is drawn, held against a traced reference, and timed; the result is `report.json` and a
 //! page that works without a network. Curves that are done are kept in `parts`, so that the same command continues
-//! where it was stopped. `ladders.ron` is what a frame budget climbs.
+//! where it was stopped. `ladders.ron` is what a frame budget climbs, `presets.ron` what the presets should be, `cost.md`
+//! the fronts as tables.
 
 mod document;
 mod ladder;
 mod page;
 mod plan;
 mod plot;
+mod presets;
 mod stage;
 
 use crate::args::{Common, ReportArgs};
@@ -39,6 +41,8 @@ pub struct Scope {
     steps: usize,
     /// Side of a face of baked visibility, pixels.
     face_size: u32,
+    /// Frames of one sample a pixel that the denoiser is given.
+    history_frames: u32,
 }
 
 impl Scope {
@@ -50,6 +54,7 @@ impl Scope {
                 rounds: 5,
                 steps: 3,
                 face_size: 32,
+                history_frames: 4,
             }
         } else {
             Self {
@@ -58,6 +63,7 @@ impl Scope {
                 rounds: 25,
                 steps: 6,
                 face_size: 64,
+                history_frames: 16,
             }
         };
         scope.size = args.size.unwrap_or(scope.size);
@@ -136,6 +142,16 @@ pub fn run(args: &ReportArgs, common: &Common) -> Result<(), CliError> {
     let ladders = ron::ser::to_string_pretty(&ladders, ron::ser::PrettyConfig::default())
         .map_err(|error| CliError::other(error.to_string()))?;
     akari_scene::write_atomic(&args.out.join("ladders.ron"), ladders.as_bytes())?;
+    let presets = ron::ser::to_string_pretty(
+        &presets::presets(&report),
+        ron::ser::PrettyConfig::default(),
+    )
+    .map_err(|error| CliError::other(error.to_string()))?;
+    akari_scene::write_atomic(&args.out.join("presets.ron"), presets.as_bytes())?;
+    akari_scene::write_atomic(
+        &args.out.join("cost.md"),
+        presets::cost_table(&report).as_bytes(),
+    )?;
     let path = args.out.join("report.html");
     akari_scene::write_atomic(&path, page.as_bytes())?;
     if common.quiet {
@@ -246,6 +262,7 @@ fn measure(
 fn draw(stage: &mut Stage, variant: &Variant) -> Result<(Point, RgbImage), CliError> {
     stage.apply(variant)?;
     let passes = stage.passes()?;
+    stage.gather_history()?;
     let picture = stage.picture()?;
     let next = stage.picture()?;
     let error = compare(&picture, &stage.truth, None)
@@ -261,6 +278,7 @@ fn draw(stage: &mut Stage, variant: &Variant) -> Result<(Point, RgbImage), CliEr
         flicker: flicker(&picture, &next),
         gpu_ms: None,
         frame_ms: Milliseconds {
+            least: 0.0,
             median: 0.0,
             p99: 0.0,
             frames: 0,

@@ -144,7 +144,7 @@ fn section(html: &mut String, curve: &Curve, parts: &Path) -> Result<(), CliErro
         );
     }
     html.push_str(
-        "</div>\n<table class=\"points\"><thead><tr><th>setting</th><th>front</th><th>GPU ms</th><th>99 %</th><th>frame \
+        "</div>\n<table class=\"points\"><thead><tr><th>setting</th><th>front</th><th>GPU ms, least</th><th>median</th><th>99 %</th><th>frame \
          ms</th><th>memory, MB</th><th>relative RMSE, %</th><th>relMSE</th><th>FLIP</th><th>FLIP 99 %</th><th>bias, \
          %</th><th>flicker, %</th><th>not finite</th></tr></thead><tbody>\n",
     );
@@ -169,6 +169,7 @@ fn section(html: &mut String, curve: &Curve, parts: &Path) -> Result<(), CliErro
             if point.on_front { "yes" } else { "" },
         );
         for cell in [
+            gpu(|ms| ms.least),
             gpu(|ms| ms.median),
             gpu(|ms| ms.p99),
             figure(point.frame_ms.median),

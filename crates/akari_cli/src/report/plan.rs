@@ -113,7 +113,8 @@ pub fn subjects(
     Ok(subjects)
 }
 
-/// The presets of an effect, then `high` with one knob turned at a time. No setting appears twice.
+/// The presets of an effect, then `high` with one knob turned at a time. No setting appears twice, nor one that differs
+/// from another only in knobs that do not count.
 pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
     let values = |settings: &AkariSettings| -> BTreeMap<String, f32> {
         settings
@@ -145,15 +146,22 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
         if owner != effect {
             continue;
         }
+        if !shown_by_stage(effect, knob.name) {
+            continue;
+        }
         for value in steps(&knob, current, scope.steps) {
             let mut settings = high;
             if settings.set(effect, knob.name, value).is_err() {
                 continue;
             }
-            let values = values(&settings);
-            if variants.iter().any(|other| other.values == values) {
+            let effective = settings.effective();
+            if variants
+                .iter()
+                .any(|other| other.settings.effective() == effective)
+            {
                 continue;
             }
+            let values = values(&settings);
             variants.push(Variant {
                 label: format!("{} = {}", knob.name, short(value)),
                 preset: None,
@@ -164,6 +172,12 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
         }
     }
     variants
+}
+
+/// Whether the pictures of an effect's curve show what the knob does.
+fn shown_by_stage(effect: &str, knob: &str) -> bool {
+    // The denoiser is given every pixel: nothing is upsampled.
+    (effect, knob) != ("denoise", "resample_below")
 }
 
 /// Name of a preset as the command line spells it.
@@ -225,6 +239,7 @@ mod tests {
         rounds: 1,
         steps: 4,
         face_size: 16,
+        history_frames: 2,
     };
 
     #[test]

@@ -46,7 +46,10 @@ enum Drawing {
     /// The denoiser on buffers of the path tracer.
     Buffers {
         denoiser: Box<BufferDenoiser>,
-        noisy: Vec<[f32; 3]>,
+        /// One of each frame, in turns.
+        noisy: Vec<Vec<[f32; 3]>>,
+        /// Frames since the history was forgotten.
+        frame: usize,
         emission: Vec<[f32; 3]>,
         size: UVec2,
     },
@@ -89,7 +92,7 @@ impl Stage {
         };
         let headless = Headless::new(&headless_options(common))?;
         if subject.effect == "denoise" {
-            return Self::of_buffers(&scene, headless, size, traced, reference, common);
+            return Self::of_buffers(&scene, headless, size, scope, traced, reference, common);
         }
         let mut headless = headless;
         let bake = match subject.effect {
@@ -133,24 +136,40 @@ impl Stage {
         scene: &Scene,
         headless: Headless,
         size: Size,
+        scope: &Scope,
         traced: Output,
         reference: Reference,
         common: &Common,
     ) -> Result<Self, CliError> {
-        // One sample a pixel, from another seed than the reference's.
-        let noisy = trace(
-            scene,
-            &Options {
-                spp: 1,
-                seed: 1,
-                aovs: true,
-                ..reference_options("denoise", size, 1)
-            },
-            common,
-        )?;
-        let aovs = noisy
-            .aovs
-            .ok_or_else(|| CliError::other("the path tracer gave no surfaces"))?;
+        let mut noisy = Vec::new();
+        let mut aovs = None;
+        for frame in 0..scope.history_frames {
+            // One sample a pixel, from other seeds than the reference's.
+            let traced = trace(
+                scene,
+                &Options {
+                    spp: 1,
+                    seed: 1 + u64::from(frame),
+                    aovs: true,
+                    ..reference_options("denoise", size, 1)
+                },
+                common,
+            )?;
+            // The rays go through the pixels' centres: every frame sees the same surfaces.
+            let surfaces = traced
+                .aovs
+                .ok_or_else(|| CliError::other("the path tracer gave no surfaces"))?;
+            let reflected = traced
+                .color
+                .data
+                .iter()
+                .zip(&surfaces.emission)
+                .map(|(color, emission)| std::array::from_fn(|c| (color[c] - emission[c]).max(0.0)))
+                .collect();
+            noisy.push(reflected);
+            aovs = Some(surfaces);
+        }
+        let aovs = aovs.ok_or_else(|| CliError::usage("no frame to filter"))?;
         let camera = choose_camera(scene, None, common)?;
         let (projection, transform) = camera_components(&camera);
         let size = UVec2::new(size.width, size.height);
@@ -168,23 +187,17 @@ impl Stage {
             albedo: &aovs.albedo,
             camera: transform.translation,
         });
-        let reflected = noisy
-            .color
-            .data
-            .iter()
-            .zip(&aovs.emission)
-            .map(|(color, emission)| std::array::from_fn(|c| (color[c] - emission[c]).max(0.0)))
-            .collect();
         Ok(Self {
             drawing: Drawing::Buffers {
                 denoiser: Box::new(denoiser),
-                noisy: reflected,
+                noisy,
+                frame: 0,
                 emission: aovs.emission,
                 size,
             },
             truth: traced.color,
             reference,
-            what: "global illumination of one sample a pixel, filtered in one frame, against many samples",
+            what: "global illumination of one sample a pixel, filtered over a few frames, against many samples",
         })
     }
 
@@ -223,12 +236,11 @@ impl Stage {
                 variant.settings.apply(headless.app.world_mut());
                 headless.step_until_ready()?;
             }
-            Drawing::Buffers { denoiser, .. } => {
-                // One frame has no history; its memory and motion vectors would only be in the way of the times.
-                denoiser.set_settings(Denoise {
-                    history: 1,
-                    ..variant.settings.denoise
-                });
+            Drawing::Buffers {
+                denoiser, frame, ..
+            } => {
+                denoiser.set_settings(variant.settings.denoise);
+                *frame = 0;
             }
         }
         for _ in 0..SETTLING_FRAMES {
@@ -246,15 +258,21 @@ impl Stage {
         match &mut self.drawing {
             Drawing::Scene { headless, .. } => headless.step()?,
             Drawing::Buffers {
-                denoiser, noisy, ..
-            } => denoiser.frame(&SignalFrame {
-                radiance: noisy,
-                hit_distance: None,
-                full_resolution: None,
-                scale: SignalScale::Full,
-                frame: 0,
-                reset: true,
-            })?,
+                denoiser,
+                noisy,
+                frame,
+                ..
+            } => {
+                denoiser.frame(&SignalFrame {
+                    radiance: &noisy[*frame % noisy.len()],
+                    hit_distance: None,
+                    full_resolution: None,
+                    scale: SignalScale::Full,
+                    frame: *frame as u32,
+                    reset: *frame == 0,
+                })?;
+                *frame += 1;
+            }
         }
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         let spans = self.headless().gpu_times();
@@ -267,6 +285,24 @@ impl Stage {
             gpu_ms: (!own.is_empty()).then(|| own.iter().sum()),
             frame_ms,
         })
+    }
+
+    /// Draws the frames that the next picture builds upon.
+    ///
+    /// # Errors
+    /// If the GPU refused a command.
+    pub fn gather_history(&mut self) -> Result<(), CliError> {
+        let missing = match &mut self.drawing {
+            Drawing::Scene { .. } => 0,
+            Drawing::Buffers { noisy, frame, .. } => {
+                *frame = 0;
+                noisy.len() - 1
+            }
+        };
+        for _ in 0..missing {
+            self.frame()?;
+        }
+        Ok(())
     }
 
     /// The picture of a new frame.

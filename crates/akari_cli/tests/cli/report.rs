@@ -32,7 +32,7 @@ fn measures_once_and_continues_where_it_was_stopped() {
     place.akari(&command).ok();
     let text = std::fs::read_to_string(place.file("out/report.json")).expect("report.json");
     let report: Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(report["schema"], 1);
+    assert_eq!(report["schema"], 2);
     assert!(
         !report["device"]["adapter"]
             .as_str()

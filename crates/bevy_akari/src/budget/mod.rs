@@ -100,7 +100,7 @@ impl Plugin for FrameBudgetPlugin {
 }
 
 /// GPU times of our passes in the last frame that was measured, milliseconds, by name.
-fn pass_times(store: &DiagnosticsStore) -> Vec<(&str, f32)> {
+pub(crate) fn pass_times(store: &DiagnosticsStore) -> Vec<(&str, f32)> {
     let passes: Vec<_> = store
         .iter()
         .filter_map(|diagnostic| {

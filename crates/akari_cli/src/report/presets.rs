@@ -1,0 +1,339 @@
+//! From the fronts to the presets of each effect, and to the table that tells what they cost.
+
+use super::document::{ERROR_TIE, Point, Report, TIME_TIE};
+use super::page::front_by_time;
+use super::plan::preset_name;
+use super::plot::figure;
+use bevy_akari::prelude::Quality;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// How many times the least error of a scene each of [`Quality::ALL`] may have there.
+const ERROR_BOUNDS: [f64; 4] = [4.0, 1.5, 1.15, 1.0];
+
+/// What the presets of an effect should be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Presets {
+    /// Name of the effect's settings.
+    pub effect: String,
+    /// By name of the preset, every knob of the effect.
+    pub settings: BTreeMap<&'static str, BTreeMap<String, f32>>,
+}
+
+/// The presets of every effect of the report: each is the fastest setting whose error is, on every scene, within its
+/// bound ([`ERROR_BOUNDS`]) of the least there. Of settings that are equal but for the noise of the clock, the one that
+/// is the preset already stays.
+pub fn presets(report: &Report) -> Vec<Presets> {
+    let mut effects: Vec<&str> = report
+        .curves
+        .iter()
+        .map(|curve| curve.effect.as_str())
+        .collect();
+    effects.dedup();
+    effects
+        .into_iter()
+        .map(|effect| Presets {
+            effect: effect.to_owned(),
+            settings: Quality::ALL
+                .into_iter()
+                .filter_map(|quality| {
+                    let chosen = choose(&standings(report, effect), quality)?;
+                    Some((preset_name(quality), chosen.settings.clone()))
+                })
+                .collect(),
+        })
+        .collect()
+}
+
+/// How a setting fares on all scenes of an effect.
+#[derive(Debug, Clone, PartialEq)]
+struct Standing {
+    settings: BTreeMap<String, f32>,
+    /// Presets that are this setting.
+    presets: Vec<String>,
+    /// Geometric mean over the scenes of its time over that of the fastest there.
+    cost: f64,
+    /// The largest over the scenes of its error over the least there.
+    worst_error: f64,
+}
+
+/// Of every setting that is on all scenes of the effect, in the order of the report.
+fn standings(report: &Report, effect: &str) -> Vec<Standing> {
+    let curves: Vec<_> = report
+        .curves
+        .iter()
+        .filter(|curve| curve.effect == effect)
+        .collect();
+    let Some((first, _)) = curves.split_first() else {
+        return Vec::new();
+    };
+    let mut standings: Vec<Standing> = Vec::new();
+    for point in &first.points {
+        if let Some(known) = standings
+            .iter_mut()
+            .find(|known| known.settings == point.settings)
+        {
+            known.presets.extend(point.preset.clone());
+            continue;
+        }
+        let mut standing = Standing {
+            settings: point.settings.clone(),
+            presets: point.preset.iter().cloned().collect(),
+            cost: 0.0,
+            worst_error: 0.0,
+        };
+        let mut everywhere = true;
+        for curve in &curves {
+            let least = |figure: fn(&Point) -> f64| {
+                curve
+                    .points
+                    .iter()
+                    .map(figure)
+                    .fold(f64::INFINITY, f64::min)
+            };
+            let same = curve
+                .points
+                .iter()
+                .find(|other| other.settings == point.settings);
+            let Some(same) = same else {
+                everywhere = false;
+                break;
+            };
+            standing.cost += (same.cost_ms() / least(Point::cost_ms)).ln();
+            let error = same.error.rel_rmse / least(|point| point.error.rel_rmse);
+            standing.worst_error = standing.worst_error.max(error);
+        }
+        standing.cost = (standing.cost / curves.len() as f64).exp();
+        if everywhere && standing.cost.is_finite() && standing.worst_error.is_finite() {
+            standings.push(standing);
+        }
+    }
+    standings
+}
+
+/// The setting for a preset; none of none.
+fn choose(standings: &[Standing], quality: Quality) -> Option<&Standing> {
+    let least = standings
+        .iter()
+        .map(|one| one.worst_error)
+        .fold(f64::INFINITY, f64::min);
+    // No setting may be the best of all on every scene.
+    let bound = (ERROR_BOUNDS[quality as usize] * (1.0 + ERROR_TIE)).max(least * (1.0 + ERROR_TIE));
+    let within: Vec<&Standing> = standings
+        .iter()
+        .filter(|one| one.worst_error <= bound)
+        .collect();
+    let fastest = within
+        .iter()
+        .map(|one| one.cost)
+        .fold(f64::INFINITY, f64::min);
+    let tied: Vec<&Standing> = within
+        .into_iter()
+        .filter(|one| one.cost <= fastest * (1.0 + TIME_TIE))
+        .collect();
+    let name = preset_name(quality);
+    let present = tied
+        .iter()
+        .find(|one| one.presets.iter().any(|preset| preset == name));
+    let most_exact = tied
+        .iter()
+        .min_by(|a, b| a.worst_error.total_cmp(&b.worst_error));
+    present.or(most_exact).copied()
+}
+
+/// Settings of the report that are presets and that another one beats: no slower, and more exact on no scene less; or
+/// as exact and faster.
+#[cfg(test)]
+fn beaten(standings: &[Standing]) -> Vec<String> {
+    let figures: Vec<_> = standings
+        .iter()
+        .map(|one| (one.cost, one.worst_error))
+        .collect();
+    standings
+        .iter()
+        .zip(super::document::front(&figures))
+        .filter(|(one, on_front)| !one.presets.is_empty() && !on_front)
+        .map(|(one, _)| {
+            format!(
+                "{} ({:.3} times the least time, {:.4} the least error)",
+                one.presets.join(", "),
+                one.cost,
+                one.worst_error
+            )
+        })
+        .collect()
+}
+
+/// The answer to "I have so many milliseconds: which setting, and how wrong is it?", as Markdown.
+pub fn cost_table(report: &Report) -> String {
+    let device = &report.device;
+    let mut text = format!(
+        "What each setting costs, and how wrong it is, on {} ({}): the settings that no other one beats in both, written \
+         by `akari report`. Times are the least of all rounds of the effect's passes, and hold for this device and these \
+         pictures alone; their ratios carry over further. \"Presets\" names those that are the same setting, \"relative \
+         RMSE\" is against a path-traced reference.\n",
+        device.adapter, device.driver
+    );
+    for curve in &report.curves {
+        let _ = write!(
+            text,
+            "\n**{} on {}** ({} x {}): {}; reference of {} samples a pixel{}.\n\n\
+             | ms | relative RMSE | bias | flicker | memory | setting | presets |\n|---|---|---|---|---|---|---|\n",
+            curve.effect,
+            curve.scene,
+            curve.size[0],
+            curve.size[1],
+            curve.what,
+            curve.reference.spp,
+            curve
+                .reference
+                .noise
+                .map_or_else(String::new, |noise| format!(
+                    ", own noise {} %",
+                    figure(100.0 * noise)
+                )),
+        );
+        for point in front_by_time(curve) {
+            let same: Vec<&str> = curve
+                .points
+                .iter()
+                .filter(|other| other.settings == point.settings)
+                .filter_map(|other| other.preset.as_deref())
+                .collect();
+            let _ = writeln!(
+                text,
+                "| {} | {} % | {} % | {} % | {:.2} MB | {} | {} |",
+                figure(point.cost_ms()),
+                figure(100.0 * point.error.rel_rmse),
+                figure(100.0 * point.error.bias),
+                figure(100.0 * point.flicker),
+                point.gpu_bytes as f64 / 1e6,
+                point.label,
+                same.join(", ")
+            );
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy_akari::prelude::AkariSettings;
+    use std::path::PathBuf;
+
+    /// The report that the presets are chosen from.
+    fn committed() -> Report {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+            .join("../bevy_akari/docs/measured/llvmpipe/report.json");
+        let text = std::fs::read_to_string(&path)
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+
+    /// Presets of this version whose knobs, as far as the report knows them, are not what was measured under their name.
+    fn unmeasured(report: &Report, preset: impl Fn(Quality) -> AkariSettings) -> Vec<String> {
+        let mut wrong = Vec::new();
+        for curve in &report.curves {
+            for quality in Quality::ALL {
+                let name = preset_name(quality);
+                let Some(point) = curve
+                    .points
+                    .iter()
+                    .find(|point| point.preset.as_deref() == Some(name))
+                else {
+                    wrong.push(format!("{} on {}: no {name}", curve.effect, curve.scene));
+                    continue;
+                };
+                for (owner, knob, value) in preset(quality).knobs() {
+                    let measured = point.settings.get(knob.name);
+                    if owner == curve.effect && measured.is_some_and(|measured| *measured != value)
+                    {
+                        wrong.push(format!(
+                            "{owner}.{} of {name} is {value}, measured was {measured:?}",
+                            knob.name
+                        ));
+                    }
+                }
+            }
+        }
+        wrong
+    }
+
+    #[test]
+    fn presets_are_measured_and_none_is_beaten() {
+        let report = committed();
+        assert!(report.curves.len() >= 3, "a report of nothing");
+        let wrong = unmeasured(&report, AkariSettings::preset);
+        assert!(
+            wrong.is_empty(),
+            "measure again, `akari report`:\n{}",
+            wrong.join("\n")
+        );
+        // Other presets than those that were measured are told.
+        assert!(!unmeasured(&report, |_| AkariSettings::preset(Quality::Low)).is_empty());
+        for presets in presets(&report) {
+            let mut standings = standings(&report, &presets.effect);
+            let beaten_presets = beaten(&standings);
+            assert!(
+                beaten_presets.is_empty(),
+                "{}: {}",
+                presets.effect,
+                beaten_presets.join("; ")
+            );
+            // A preset that is as exact as another setting for twice the time is told.
+            let mut slow = standings[0].clone();
+            slow.cost *= 2.0;
+            slow.presets = vec!["slow".to_owned()];
+            standings.push(slow);
+            assert!(beaten(&standings).iter().any(|text| text.contains("slow")));
+        }
+    }
+
+    #[test]
+    fn every_effect_has_four_settings_that_nothing_beats() {
+        let report = committed();
+        let mut most: BTreeMap<&str, usize> = BTreeMap::new();
+        for curve in &report.curves {
+            let of_effect = most.entry(&curve.effect).or_default();
+            *of_effect = (*of_effect).max(front_by_time(curve).len());
+        }
+        for (effect, most) in most {
+            assert!(most >= 4, "{effect}: at most {most} settings on a front");
+        }
+    }
+
+    #[test]
+    fn presets_keep_their_bounds_and_ties_keep_what_is() {
+        let standing = |cost: f64, worst_error: f64, preset: &str| Standing {
+            settings: [("cells".to_owned(), cost as f32)].into(),
+            presets: if preset.is_empty() {
+                vec![]
+            } else {
+                vec![preset.to_owned()]
+            },
+            cost,
+            worst_error,
+        };
+        let mut standings = vec![
+            standing(1.0, 50.0, "low"),
+            standing(2.0, 3.9, ""),
+            standing(3.0, 1.4, ""),
+            standing(4.0, 1.1, ""),
+            standing(4.1, 1.12, "high"),
+            standing(9.0, 1.0, "ultra"),
+        ];
+        let costs = |standings: &[Standing]| {
+            Quality::ALL.map(|quality| choose(standings, quality).map(|one| one.cost))
+        };
+        assert_eq!(
+            costs(&standings),
+            [Some(2.0), Some(3.0), Some(4.1), Some(9.0)]
+        );
+        // As near as the best comes, where it is not the best on every scene.
+        standings[5].worst_error = 1.05;
+        assert_eq!(costs(&standings)[3], Some(9.0));
+        assert_eq!(beaten(&standings).len(), 1, "{:?}", beaten(&standings));
+    }
+}

@@ -18,7 +18,8 @@
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
-use bevy::core_pipeline::schedule::{Core3d, camera_driver};
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems, camera_driver};
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
@@ -27,6 +28,7 @@ use bevy::shader::load_shader_library;
 pub mod arena;
 pub mod clipmap;
 pub mod cones;
+pub mod debug;
 pub mod demand;
 pub mod geometry;
 pub mod lighting;
@@ -45,6 +47,7 @@ pub const EFFECT: &str = "voxel-gi";
 /// Everything that an app uses from here.
 pub mod prelude {
     pub use crate::VoxelGiPlugin;
+    pub use crate::debug::{VoxelGiDebug, VoxelGiDebugView};
     pub use crate::scene::NotVoxelized;
     pub use crate::settings::VoxelGi;
 }
@@ -60,7 +63,8 @@ impl Plugin for VoxelGiPlugin {
     fn build(&self, app: &mut App) {
         ensure_render_plugin(app);
         app.register_type::<settings::VoxelGi>()
-            .register_type::<scene::NotVoxelized>();
+            .register_type::<scene::NotVoxelized>()
+            .register_type::<debug::VoxelGiDebug>();
         demand::build(app);
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -74,6 +78,7 @@ impl Plugin for VoxelGiPlugin {
         embedded_asset!(app, "inject.wgsl");
         embedded_asset!(app, "gather.wgsl");
         embedded_asset!(app, "cones.wgsl");
+        embedded_asset!(app, "debug.wgsl");
         embedded_asset!(app, "release.wgsl");
         embedded_asset!(app, "voxelize.wgsl");
         embedded_asset!(app, "mips.wgsl");
@@ -98,12 +103,14 @@ impl Plugin for VoxelGiPlugin {
             .init_resource::<demand::CounterReadback>()
             .init_resource::<lights::VoxelLights>()
             .init_resource::<cones::ConePipelines>()
+            .init_resource::<debug::DebugPipelines>()
             .add_systems(
                 ExtractSchedule,
                 (
                     scene::extract_scene,
                     lights::extract_lights,
                     cones::extract_views,
+                    debug::extract_debug_views,
                 ),
             )
             .add_systems(
@@ -114,7 +121,11 @@ impl Plugin for VoxelGiPlugin {
                         .in_set(RenderSystems::Prepare),
                     (prepare::prepare_voxel_work, cones::prepare_signals)
                         .in_set(RenderSystems::PrepareResources),
-                    (lighting::prepare_lighting, cones::prepare_cones)
+                    (
+                        lighting::prepare_lighting,
+                        cones::prepare_cones,
+                        debug::prepare_debug_views,
+                    )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
@@ -128,6 +139,16 @@ impl Plugin for VoxelGiPlugin {
                     .in_set(RenderGraphSystems::Render)
                     .before(camera_driver),
             )
-            .add_systems(Core3d, cones::trace_cones.in_set(AkariPassSystems::Signals));
+            .add_systems(
+                Core3d,
+                (
+                    cones::trace_cones.in_set(AkariPassSystems::Signals),
+                    // Over all that was added to the picture, under what is drawn forward.
+                    debug::draw_debug_view
+                        .in_set(Core3dSystems::MainPass)
+                        .after(AkariPassSystems::Filter)
+                        .before(main_opaque_pass_3d),
+                ),
+            );
     }
 }

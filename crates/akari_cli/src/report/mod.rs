@@ -39,6 +39,8 @@ pub struct Scope {
     steps: usize,
     /// Side of a face of baked visibility, pixels.
     face_size: u32,
+    /// Whether knobs that show least are left as they are.
+    quick: bool,
 }
 
 impl Scope {
@@ -50,6 +52,7 @@ impl Scope {
                 rounds: 5,
                 steps: 3,
                 face_size: 32,
+                quick: true,
             }
         } else {
             Self {
@@ -58,6 +61,7 @@ impl Scope {
                 rounds: 25,
                 steps: 6,
                 face_size: 64,
+                quick: false,
             }
         };
         scope.size = args.size.unwrap_or(scope.size);
@@ -245,6 +249,7 @@ fn measure(
 /// Everything about a setting but its times.
 fn draw(stage: &mut Stage, variant: &Variant) -> Result<(Point, RgbImage), CliError> {
     stage.apply(variant)?;
+    stage.converge()?;
     let passes = stage.passes()?;
     let picture = stage.picture()?;
     let next = stage.picture()?;

@@ -28,7 +28,7 @@ const SCENE: GiScene = GiScene {
     name: "cornell_gi",
     file: "scenes/cornell.glb",
     extent: 5.12,
-    stops: -1.0,
+    stops: 0.0,
     movers: &["short_block"],
 };
 

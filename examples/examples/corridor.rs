@@ -27,7 +27,7 @@ const SCENE: GiScene = GiScene {
     name: "corridor",
     file: "scenes/corridor.glb",
     extent: 8.0,
-    stops: 0.5,
+    stops: 3.5,
     movers: &[],
 };
 

@@ -39,8 +39,9 @@ pub enum VoxelGiDebugView {
     /// Cones of this frame at each pixel, over [`MOST_CONES`], from blue for few to red for many. Black for none: at
     /// lower resolutions, the pixels between.
     ConeCount,
-    /// In red the share of a pixel's diffuse light that cones fetch from behind what a ray of no width meets, beyond two
-    /// voxels of slack; over the irradiance in grey.
+    /// In red the share of a pixel's diffuse light that cones bring and rays of no width along the same directions do not,
+    /// which stop at the planes in voxels: light of what is behind a surface, or of its other side. Over the irradiance in
+    /// grey. A cone is a blurred look, so that a little red is at the edges of bright things.
     Leaks,
 }
 

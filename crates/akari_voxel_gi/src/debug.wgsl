@@ -46,8 +46,6 @@ const STEP_BEYOND: f32 = 1e-3;
 const MAX_RECIPROCAL: f32 = 1e7;
 // The set whose cells are the smallest: its width is that of all cones.
 const FINEST_SET: u32 = 16u;
-// What lies this many voxels behind a surface is not seen through it, but may be its own other half.
-const LEAK_SLACK: f32 = 2.0;
 const LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
 
 // The first voxel with content along a ray.
@@ -145,8 +143,9 @@ fn leaks(pixel: vec2<i32>) -> vec3<f32> {
     let origin = guide.position_rel + voxel_debug.eye;
     let basis = orthonormal_basis(guide.normal_ws);
     let tangent = voxel_debug.aperture * cone_cell_tangent(cone_cell(FINEST_SET, 0u));
-    var all_light = vec3(0.0);
-    var behind = 0.0;
+    // Of cones, and of rays of no width along the same directions.
+    var wide = 0.0;
+    var thin = 0.0;
     for (var i = 0u; i < FINEST_SET; i++) {
         let shift = random_hash(vec3(vec2<u32>(pixel), i));
         let direction = basis * cone_cell_direction(cone_cell(FINEST_SET, i), random_sequence(0u, shift.x, shift.y));
@@ -154,22 +153,15 @@ fn leaks(pixel: vec2<i32>) -> vec3<f32> {
 #ifdef PLAIN_CONES
         march_plainly = false;
 #endif
-        let met = trace_voxels(ray);
+        thin += dot(trace_voxels(ray).radiance, LUMINANCE);
 #ifdef PLAIN_CONES
         march_plainly = true;
 #endif
         ray.tangent = tangent;
-        let far = trace_voxels(ray);
-        all_light += far.radiance;
-        if met.transmittance == 0.0 {
-            let width = 2.0 * met.distance * tangent;
-            ray.reach = met.distance + LEAK_SLACK * max(voxel_clipmap.levels[0].voxel_size, width);
-            behind += max(dot(far.radiance - trace_voxels(ray).radiance, LUMINANCE), 0.0);
-        }
+        wide += dot(trace_voxels(ray).radiance, LUMINANCE);
     }
-    let total = dot(all_light, LUMINANCE);
-    let share = behind / max(total, 1e-20);
-    let exposed = total / f32(FINEST_SET) * view.exposure;
+    let share = max(wide - thin, 0.0) / max(wide, 1e-20);
+    let exposed = wide / f32(FINEST_SET) * view.exposure;
     return mix(vec3(0.5 * exposed / (1.0 + exposed)), vec3(1.0, 0.0, 0.0), clamp(share, 0.0, 1.0));
 }
 #endif

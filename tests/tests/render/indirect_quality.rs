@@ -7,7 +7,7 @@ use bevy_akari_tests::room::{Light, Room, bias_and_error};
 use bevy_akari_tests::{headless_or_skip, light_above};
 
 /// Side of the pictures of the Cornell box.
-const SIDE: u32 = 48;
+const SIDE: u32 = 40;
 
 fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
@@ -48,42 +48,55 @@ fn cones_of_every_scale_are_right_and_steady() {
     let matte =
         |i: usize| surfaces.depth[i] > 0.0 && !glossy(i) && surfaces.emission[i] == [0.0; 3];
     let truth = room.truth.clone();
-    for (scale, most_matte, most_glossy) in [(1, 1.0, 1.0), (2, 1.0, 1.0), (4, 1.0, 1.0)] {
+    // Per scale: what errors may be at most, of matte and of glossy surfaces, and flicker. Most of the error of matte ones
+    // are caustics of the block, which voxels do not have.
+    for (scale, most_matte, most_glossy, most_flicker) in
+        [(1, 0.50, 0.30, 0.05), (4, 0.55, 0.30, 0.06)]
+    {
         room.set(VoxelGi { scale, ..settings });
-        room.step(24);
+        room.step(16);
         let light = room.indirect();
         let (matte_bias, matte_error) = bias_and_error(&light, &truth, matte);
         let (glossy_bias, glossy_error) = bias_and_error(&light, &truth, glossy);
+        let frames: Vec<Light> = (0..5).map(|_| room.indirect()).collect();
+        let steady = flicker(&frames);
         println!(
-            "scale {scale}: matte bias {:.1} %, error {:.1} %; glossy bias {:.1} %, error {:.1} %",
+            "scale {scale}: matte bias {:.1} %, error {:.1} %; glossy bias {:.1} %, error {:.1} %; flicker {:.1} %",
             100.0 * matte_bias,
             100.0 * matte_error,
             100.0 * glossy_bias,
-            100.0 * glossy_error
+            100.0 * glossy_error,
+            100.0 * steady
         );
-        assert!(matte_error < most_matte && glossy_error < most_glossy);
-        let frames: Vec<Light> = (0..6).map(|_| room.indirect()).collect();
-        println!("  flicker {:.2} %", 100.0 * flicker(&frames));
-        let without_history = Denoise {
+        assert!(matte_bias.abs() < 0.08, "scale {scale}: bias {matte_bias}");
+        assert!(
+            glossy_bias.abs() < 0.12,
+            "scale {scale}: bias {glossy_bias}"
+        );
+        assert!(matte_error < most_matte, "scale {scale}: {matte_error}");
+        assert!(glossy_error < most_glossy, "scale {scale}: {glossy_error}");
+        assert!(steady < most_flicker, "scale {scale}: {steady}");
+    }
+    // The bounds notice a picture that forgets each frame, one without specular light, and one colour.
+    room.set((
+        Denoise {
             history: 1,
             ..Denoise::default()
-        };
-        room.set(without_history);
-        room.step(2);
-        let frames: Vec<Light> = (0..6).map(|_| room.indirect()).collect();
-        println!(
-            "  flicker without history {:.2} %",
-            100.0 * flicker(&frames)
-        );
-        room.set(Denoise::default());
-    }
-    room.set(VoxelGi {
-        specular_cones: 0,
-        ..settings
-    });
-    room.step(8);
-    let (bias, error) = bias_and_error(&room.indirect(), &truth, glossy);
-    println!("no specular cones: glossy bias {bias:.3}, error {error:.3}");
+        },
+        VoxelGi {
+            specular_cones: 0,
+            scale: 4,
+            ..settings
+        },
+    ));
+    room.step(2);
+    let frames: Vec<Light> = (0..4).map(|_| room.indirect()).collect();
+    let restless = flicker(&frames);
+    assert!(restless > 0.12, "without history: {restless}");
+    let (_, error) = bias_and_error(&frames[0], &truth, glossy);
+    assert!(error > 0.9, "without specular cones: {error}");
+    let flat = vec![[0.1; 3]; truth.len()];
+    assert!(bias_and_error(&flat, &truth, glossy).1 > 0.5);
 }
 
 /// Root mean square of what a box of `2 REACH + 1` pixels along rows takes away, over the mean, within `area` (left, top,
@@ -154,37 +167,28 @@ fn glossy_metal_shows_no_bands() {
     let mut measure = |settings: VoxelGi| {
         headless.app.world_mut().entity_mut(camera).insert(settings);
         headless.step_until_ready().expect("it renders");
-        for _ in 0..24 {
+        for _ in 0..16 {
             headless.step().expect("it renders");
         }
         let all = headless.read(camera).expect("it can be read");
-        if let Ok(folder) = std::env::var("SHOW_OUT") {
-            let image = akari_scene::exr_io::RgbImage {
-                width: WIDTH,
-                height: WIDTH,
-                data: all.data.iter().map(|p| [p[0], p[1], p[2]]).collect(),
-            };
-            let name = format!(
-                "{folder}/bands_{}_{}.exr",
-                settings.plain_cones, settings.voxel_size
-            );
-            akari_scene::exr_io::write_rgb(std::path::Path::new(&name), &image).unwrap();
-        }
         ripple(&all.data, WIDTH as usize, [14, 40, 82, 80])
     };
-    for voxel_size in [0.0625, 0.125] {
-        for plain_cones in [false, true] {
-            let settings = VoxelGi {
-                voxel_size,
-                plain_cones,
-                scale: 1,
-                cones: 1,
-                ..VoxelGi::default()
-            };
-            println!(
-                "voxels of {voxel_size}, plain {plain_cones}: ripple {:.2} %",
-                100.0 * measure(settings)
-            );
-        }
-    }
+    let settings = VoxelGi {
+        scale: 1,
+        cones: 1,
+        ..VoxelGi::default()
+    };
+    let ours = measure(settings);
+    let plain = measure(VoxelGi {
+        plain_cones: true,
+        ..settings
+    });
+    println!(
+        "ripple: ours {:.2} %, plain cones {:.2} %",
+        100.0 * ours,
+        100.0 * plain
+    );
+    assert!(ours < 0.03, "{ours}");
+    // Cones that march from voxel to voxel show them.
+    assert!(plain > 0.06, "{plain}");
 }

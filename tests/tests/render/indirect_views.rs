@@ -94,7 +94,7 @@ fn every_debug_view_shows_what_it_says() {
     );
     spawn(
         &mut headless,
-        Vec3::new(1.5, 2.0, 0.4),
+        Vec3::new(1.5, 1.2, 0.4),
         Vec3::new(0.8, 0.0, -2.6),
         [0.5; 3],
     );
@@ -138,7 +138,7 @@ fn every_debug_view_shows_what_it_says() {
     );
     assert!(is_cascade(near, 0) && !is_cascade(near, 1), "{near}");
     assert!(is_cascade(far, 1) && !is_cascade(far, 0), "{far}");
-    assert_eq!(pixel(&cascades, middle, 1), Vec3::ZERO, "nothing is there");
+    assert_eq!(pixel(&cascades, right, 1), Vec3::ZERO, "nothing is there");
 
     let opacity = show(&mut headless, camera, VoxelGiDebugView::Opacity);
     for x in [left, right] {
@@ -149,7 +149,7 @@ fn every_debug_view_shows_what_it_says() {
             "{value}"
         );
     }
-    assert_eq!(pixel(&opacity, middle, 1), Vec3::ZERO);
+    assert_eq!(pixel(&opacity, right, 1), Vec3::ZERO);
 
     // What a Lambert wall sends to the camera is what it shows.
     let radiance = show(&mut headless, camera, VoxelGiDebugView::Radiance);
@@ -167,7 +167,7 @@ fn every_debug_view_shows_what_it_says() {
     let cones = show(&mut headless, camera, VoxelGiDebugView::ConeCount);
     let expected = heat(5.0 / MOST_CONES as f32);
     assert!(pixel(&cones, left, middle).abs_diff_eq(expected, 2e-3));
-    assert_eq!(pixel(&cones, middle, 1), Vec3::ZERO, "no surface, no cones");
+    assert_eq!(pixel(&cones, right, 1), Vec3::ZERO, "no surface, no cones");
     headless.app.world_mut().entity_mut(camera).insert(VoxelGi {
         cones: 16,
         scale: 2,

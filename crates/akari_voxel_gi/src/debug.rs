@@ -39,9 +39,10 @@ pub enum VoxelGiDebugView {
     /// Cones of this frame at each pixel, over [`MOST_CONES`], from blue for few to red for many. Black for none: at
     /// lower resolutions, the pixels between.
     ConeCount,
-    /// In red the share of a pixel's diffuse light that cones bring and rays of no width along the same directions do not,
-    /// which stop at the planes in voxels: light of what is behind a surface, or of its other side. Over the irradiance in
-    /// grey. A cone is a blurred look, so that a little red is at the edges of bright things.
+    /// In red the part of a pixel's diffuse light x (mean over the hemisphere's cones, nits times exposure, drawn as
+    /// x / (1 + x)) that cones bring and rays of no width along the same directions do not, which stop at the planes in
+    /// voxels: light of what is behind a surface, or of its other side. In grey the rest. A cone is a blurred look, so
+    /// that a little red is at the edges of bright things.
     Leaks,
 }
 

@@ -162,7 +162,8 @@ fn leaks(pixel: vec2<i32>) -> vec3<f32> {
     }
     let share = max(wide - thin, 0.0) / max(wide, 1e-20);
     let exposed = wide / f32(FINEST_SET) * view.exposure;
-    return mix(vec3(0.5 * exposed / (1.0 + exposed)), vec3(1.0, 0.0, 0.0), clamp(share, 0.0, 1.0));
+    let bright = exposed / (1.0 + exposed);
+    return mix(vec3(0.5 * bright), vec3(bright, 0.0, 0.0), clamp(share, 0.0, 1.0));
 }
 #endif
 

@@ -135,6 +135,41 @@ pub fn error_against_time(title: &str, adapter: &str, series: &[Series]) -> Stri
     svg
 }
 
+/// Two errors, named, of each series over its time on the GPU, whatever its unit.
+#[must_use]
+pub fn errors_over_gpu_time(
+    heading: &str,
+    time: &str,
+    errors: [&str; 2],
+    series: &[Series],
+) -> String {
+    /// Room for the name of a series.
+    const LEGEND: f64 = 180.0;
+    let [width, height] = [2.0 * (PANEL[0] + MARGIN) + 20.0, PANEL[1] + MARGIN + 60.0];
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"11\">\n\
+        <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
+        <text x=\"{MARGIN}\" y=\"18\" font-size=\"14\">{}</text>\n",
+        escaped(heading)
+    );
+    for (index, series) in series.iter().enumerate() {
+        let x = MARGIN + LEGEND * index as f64;
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{x}\" y=\"27\" width=\"10\" height=\"10\" fill=\"{}\"/><text x=\"{}\" y=\"36\">{}</text>",
+            COLORS[index % COLORS.len()],
+            x + 14.0,
+            escaped(&series.name)
+        );
+    }
+    for (column, what) in errors.into_iter().enumerate() {
+        let origin = [MARGIN + column as f64 * (PANEL[0] + MARGIN), 50.0];
+        panel(&mut svg, origin, [time, what], series, |p| p.gpu, column);
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
 fn panel(
     svg: &mut String,
     [left, top]: [f64; 2],

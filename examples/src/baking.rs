@@ -4,7 +4,7 @@
 //! `BakedVisibility(asset_server.load("SCENE.akari"))` loads it.
 
 use akari_bake::{Geometry, GeometryOptions, MeshInput, Options, Phase, Progress, Roles, Status};
-use bevy::math::{DAffine3, DMat3, DVec3, Vec3A};
+use bevy::math::{Affine3A, DAffine3, DMat3, DVec3, Vec3A};
 use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::*;
 use bevy_akari::prelude::*;
@@ -30,6 +30,14 @@ impl StaticMesh {
     /// # Errors
     /// If it is no list of triangles with positions on the CPU.
     pub fn new(name: &str, mesh: &Mesh, place: &Transform) -> Result<Self, String> {
+        Self::placed(name, mesh, &place.compute_affine())
+    }
+
+    /// The same with its place in the world as it is.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn placed(name: &str, mesh: &Mesh, affine: &Affine3A) -> Result<Self, String> {
         let Some(VertexAttributeValues::Float32x3(positions)) =
             mesh.attribute(Mesh::ATTRIBUTE_POSITION)
         else {
@@ -40,7 +48,6 @@ impl StaticMesh {
             None => (0..positions.len() as u32).collect(),
         };
         indices.truncate(indices.len() / 3 * 3);
-        let affine = place.compute_affine();
         let column = |v: Vec3A| DVec3::from(Vec3::from(v));
         let m = affine.matrix3;
         Ok(Self {

@@ -5,7 +5,7 @@ use crate::{Picture, attach, exit_code, numbered, save, start_headless};
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy::window::WindowResolution;
-use bevy_akari::headless::HeadlessTarget;
+use bevy_akari::headless::{Headless, HeadlessTarget};
 use bevy_akari::prelude::*;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -86,14 +86,7 @@ impl Demo {
             .app
             .insert_resource(TimeUpdateStrategy::ManualDuration(frame_time));
         build(&mut headless.app)?;
-        // Start-up systems spawn the camera.
-        headless.step()?;
-        let world = headless.app.world_mut();
-        let camera = world
-            .query_filtered::<Entity, (With<Camera3d>, With<Orbit>)>()
-            .iter(world)
-            .next()
-            .ok_or("the scene has no camera")?;
+        let camera = Self::wait_for_camera(&mut headless)?;
         attach(&mut headless, camera, self.picture.size)?;
         headless.step_until_ready()?;
         headless.app.world_mut().trigger(Restart);
@@ -130,6 +123,27 @@ impl Demo {
         }
         println!("{}: drawn on {}", out.display(), headless.adapter());
         Ok(())
+    }
+
+    /// Start-up systems spawn the camera, or a scene file that they load brings it.
+    fn wait_for_camera(headless: &mut Headless) -> Result<Entity, Box<dyn Error>> {
+        /// Far beyond what a scene of the repository takes.
+        const MOST_FRAMES: u32 = 10_000;
+        for _ in 0..MOST_FRAMES {
+            headless.step()?;
+            if let Some(AppExit::Error(_)) = headless.app.should_exit() {
+                return Err("the app stopped; the log above says why".into());
+            }
+            let world = headless.app.world_mut();
+            let camera = world
+                .query_filtered::<Entity, (With<Camera3d>, With<Orbit>)>()
+                .iter(world)
+                .next();
+            if let Some(camera) = camera {
+                return Ok(camera);
+            }
+        }
+        Err("the scene has no camera".into())
     }
 
     fn open_window(

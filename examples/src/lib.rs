@@ -3,6 +3,7 @@
 pub mod baking;
 pub mod controls;
 pub mod demo;
+pub mod gi;
 pub mod orbit;
 pub mod shadow_probe;
 pub mod shapes;

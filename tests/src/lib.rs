@@ -2,6 +2,7 @@
 
 pub mod accuracy;
 pub mod denoise;
+pub mod room;
 pub mod shadows;
 
 use bevy::light::RectLight;

@@ -3,7 +3,7 @@
 use crate::pipeline::{AreaLightPipelines, CULL_LABEL, SHADE_LABEL};
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
 use crate::shadows::prepare::ViewReceivers;
-use akari_render::capture::ViewCapture;
+use akari_render::capture::{Light, ViewCapture};
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -106,7 +106,9 @@ pub fn area_light_capture(
     mut ctx: RenderContext,
 ) {
     let (lights, ready, view_offset, capture, receivers) = view.into_inner();
-    let (true, Some(group), Some(target)) = (ready.0, &lights.shade_group, capture.direct()) else {
+    let (true, Some(group), Some(target)) =
+        (ready.0, &lights.shade_group, capture.light(Light::Direct))
+    else {
         return;
     };
     let Some(pipeline) = lights

@@ -10,7 +10,7 @@ use crate::pipeline::{
 use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
 use crate::shadows::prepare::ViewReceivers;
 use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
-use akari_render::capture::{DIRECT_FORMAT, ViewCapture};
+use akari_render::capture::{LIGHT_FORMAT, ViewCapture};
 use akari_render::prelude::*;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -206,7 +206,7 @@ pub fn prepare_area_lights(
                 && view_receivers.is_some_and(|receivers| receivers.is_bound(moving_casters))
         };
         let shade = specialize(view.target_format, shadows, true);
-        let shade_captured = captured.then(|| specialize(DIRECT_FORMAT, shadows, false));
+        let shade_captured = captured.then(|| specialize(LIGHT_FORMAT, shadows, false));
         let uniform = GpuAreaLightView {
             light_count: count,
             words_per_tile: shape.words_per_tile,

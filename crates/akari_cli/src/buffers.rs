@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy_akari::headless::Headless;
 use bevy_akari::lobes::capture::{CaptureLobes, LobeCapture};
 use bevy_akari::prelude::SpecularLobes;
-use bevy_akari::render::capture::{Capture, CaptureBuffers};
+use bevy_akari::render::capture::{Capture, CaptureBuffers, Light};
 use bevy_akari::render::guides::NeedsGuides;
 use std::path::Path;
 
@@ -66,12 +66,15 @@ pub fn write(
         };
         write_rgb(&folder.join(name), &image)
     };
-    let direct = capture
-        .direct
-        .iter()
-        .map(|radiance| radiance.map(|channel| channel / scale))
-        .collect();
-    rgb("direct.exr", direct)?;
+    for (name, light) in [
+        ("direct.exr", Light::Direct),
+        ("indirect_diffuse.exr", Light::IndirectDiffuse),
+        ("indirect_specular.exr", Light::IndirectSpecular),
+    ] {
+        let radiance = capture.light(light).iter();
+        let data = radiance.map(|radiance| radiance.map(|channel| channel / scale));
+        rgb(name, data.collect())?;
+    }
     rgb("normal.exr", capture.normal.clone())?;
     rgb("albedo.exr", capture.albedo.clone())?;
     rgb("lobe_axis.exr", lobes.axis)?;

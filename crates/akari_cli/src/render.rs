@@ -207,7 +207,8 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
         world.entity_mut(view).insert(settings.voxel_gi);
     }
     if args.buffers.is_some() {
-        crate::buffers::ask(world, view, &settings.lobes, wanted.lobes());
+        let lobes = wanted.lobes() || wanted.voxel_gi();
+        crate::buffers::ask(world, view, &settings.lobes, lobes);
     }
     headless.step_until_ready()?;
 
@@ -269,9 +270,18 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
             .collect();
         // Part of the denoiser, and told of by its own name.
         let mut report = headless.app.world_mut().resource_mut::<EffectReport>();
+        let scale = settings.voxel_gi.signal_scale();
+        let is_upsampled = scale > 1 && wanted.voxel_gi() && report.is_active("voxel-gi");
         report.record(
             "upsample",
-            Demand::idle("no signal is drawn at a lower resolution"),
+            if is_upsampled {
+                let share = scale * scale;
+                Demand::needed(format!(
+                    "indirect light is drawn at 1/{share} of the pixels"
+                ))
+            } else {
+                Demand::idle("no signal is drawn at a lower resolution")
+            },
         );
         let world = headless.app.world();
         let stats = Stats::new(

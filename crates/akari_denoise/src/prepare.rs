@@ -9,6 +9,7 @@ use crate::settings::{A_TROUS_RADIUS, Denoise, Kernel, Method};
 use crate::targets::{DenoiseTargets, REMEMBERED_FORMAT, Shape, WORD_FORMAT};
 use crate::types::{DIFFUSE_BIT, GpuDenoiseStage, GpuDenoiseView, SPECULAR_BIT};
 use akari_math::reprojection::sample_offset;
+use akari_render::capture::{LIGHT_FORMAT, Light, ViewCapture};
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use akari_render::signals::{ResampleList, ViewSignals};
@@ -317,7 +318,13 @@ struct Signal<'a> {
     index: usize,
     radiance: &'a TextureView,
     output: Option<&'a GpuImage>,
+    /// Where the result goes besides.
+    captured: Option<&'a TextureView>,
 }
+
+/// Label of the pass that draws a signal's last stage once more, for
+/// [`CaptureBuffers`](akari_render::capture::CaptureBuffers).
+const CAPTURE_LABEL: &str = "akari_denoise_capture";
 
 /// Lists the passes of this frame: pipelines, and what they bind.
 pub fn prepare_denoise_passes(
@@ -332,6 +339,7 @@ pub fn prepare_denoise_passes(
         &DenoiseState,
         Option<&ViewPrepassTextures>,
         Option<&ViewDenoiseDebug>,
+        Option<&ViewCapture>,
     )>,
     pipelines: Option<ResMut<DenoisePipelines>>,
     images: Res<RenderAssets<GpuImage>>,
@@ -341,7 +349,8 @@ pub fn prepare_denoise_passes(
     let Some(mut pipelines) = pipelines else {
         return;
     };
-    for (entity, view, denoise, signals, guides, targets, state, prepass, debug) in &views {
+    for (entity, view, denoise, signals, guides, targets, state, prepass, debug, capture) in &views
+    {
         if targets.shape != shape(&denoise.settings, signals, guides.size, debug) {
             continue;
         }
@@ -351,6 +360,8 @@ pub fn prepare_denoise_passes(
             output(wanted.and_then(|output| output.specular.as_ref())),
             output(wanted.and_then(|output| output.diffuse.as_ref())),
         ];
+        let captured = [Light::IndirectSpecular, Light::IndirectDiffuse]
+            .map(|light| capture.and_then(|capture| capture.light(light)));
         let signal_list: Vec<Signal> = [&signals.specular, &signals.diffuse]
             .into_iter()
             .enumerate()
@@ -359,6 +370,7 @@ pub fn prepare_denoise_passes(
                     index,
                     radiance: radiance.as_ref()?,
                     output: outputs[index],
+                    captured: captured[index],
                 })
             })
             // Results that are to go into images must not end up in the picture while these are on their way.
@@ -639,7 +651,24 @@ impl<'a> Planner<'a> {
                     bindings = bindings.float(6, signal.radiance);
                 }
                 let defs = self.defs(Some(signal), &defs);
-                passes.push(self.draw(pass, signal, defs, &bindings));
+                if let Some(captured) = signal.captured {
+                    let target = (LIGHT_FORMAT, false);
+                    let image = Some(captured.clone());
+                    let drawn = self.draw(pass, target, image, defs.clone(), &bindings);
+                    passes.push(PreparedPass {
+                        label: CAPTURE_LABEL,
+                        ..drawn
+                    });
+                }
+                let (target, image) = match signal.output {
+                    // 32-bit floats cannot be blended everywhere, and nothing is there to blend with.
+                    Some(image) => (
+                        (image.texture_descriptor.format, false),
+                        Some(image.texture_view.clone()),
+                    ),
+                    None => ((self.picture, true), None),
+                };
+                passes.push(self.draw(pass, target, image, defs, &bindings));
                 break;
             }
             let target = intermediates[index as usize % intermediates.len()];
@@ -653,15 +682,11 @@ impl<'a> Planner<'a> {
     fn draw(
         &mut self,
         pass: Pass,
-        signal: Signal,
+        target: (TextureFormat, bool),
+        image: Option<TextureView>,
         shader_defs: Vec<ShaderDefVal>,
         bindings: &Bindings,
     ) -> PreparedPass {
-        let target = match signal.output {
-            // 32-bit floats cannot be blended everywhere, and nothing is there to blend with.
-            Some(image) => (image.texture_descriptor.format, false),
-            None => (self.picture, true),
-        };
         let key = PipelineKey {
             pass,
             shader_defs,
@@ -671,10 +696,7 @@ impl<'a> Planner<'a> {
         PreparedPass {
             label: pass.label(),
             group: bindings.group(self.device, self.cache),
-            work: Work::Draw(
-                self.pipelines.render(self.cache, key, layout),
-                signal.output.map(|image| image.texture_view.clone()),
-            ),
+            work: Work::Draw(self.pipelines.render(self.cache, key, layout), image),
         }
     }
 

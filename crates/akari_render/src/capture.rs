@@ -43,8 +43,39 @@ pub struct Capture {
     pub albedo: Vec<[f32; 3]>,
     /// Perceptual roughness (8 bits).
     pub roughness: Vec<f32>,
-    /// Radiance × exposure of the area lights alone; 0 where none is drawn.
-    pub direct: Vec<[f32; 3]>,
+    /// Radiance × exposure of each [`Light`] alone, in the order of [`Light::ALL`]; 0 where none is drawn.
+    pub lights: [Vec<[f32; 3]>; Light::ALL.len()],
+}
+
+/// Light that effects add to the picture, by where it comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Light {
+    /// Of area lights.
+    Direct,
+    /// Of other surfaces, reflected diffusely, as it is added: filtered.
+    IndirectDiffuse,
+    /// The same, reflected by the specular lobe; all of it where a signal does not tell them apart.
+    IndirectSpecular,
+}
+
+impl Light {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Direct, Self::IndirectDiffuse, Self::IndirectSpecular];
+
+    fn label(self) -> &'static str {
+        match self {
+            Self::Direct => "akari_capture_direct",
+            Self::IndirectDiffuse => "akari_capture_indirect_diffuse",
+            Self::IndirectSpecular => "akari_capture_indirect_specular",
+        }
+    }
+}
+
+impl Capture {
+    /// Radiance × exposure of a light alone; 0 where none is drawn.
+    pub fn light(&self, light: Light) -> &[[f32; 3]] {
+        &self.lights[light as usize]
+    }
 }
 
 /// On a camera: hand over its signals after each frame.
@@ -83,8 +114,8 @@ pub struct ViewCapture {
 
 struct Targets {
     size: UVec2,
-    direct: Texture,
-    direct_view: TextureView,
+    /// In the order of [`Light::ALL`].
+    lights: [(Texture, TextureView); Light::ALL.len()],
     bands: Vec<Band>,
 }
 
@@ -96,19 +127,20 @@ struct Band {
     group: Option<BindGroup>,
 }
 
-/// Format of [`ViewCapture::direct`].
-pub const DIRECT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
+/// Format of [`ViewCapture::light`].
+pub const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
 /// Bytes that the G-buffer's signals take: two `vec4<f32>` a pixel.
 const SURFACE_BYTES: u64 = 32;
-/// Bytes of a pixel of [`DIRECT_FORMAT`].
-const DIRECT_BYTES: u32 = 16;
+/// Bytes of a pixel of [`LIGHT_FORMAT`].
+const LIGHT_BYTES: u32 = 16;
 /// Invocations of a workgroup in each direction.
 const WORKGROUP: u32 = 8;
 
 impl ViewCapture {
-    /// Where the light of area lights goes, besides the picture: [`DIRECT_FORMAT`], all 0 if nobody draws into it.
-    pub fn direct(&self) -> Option<&TextureView> {
-        self.targets.as_ref().map(|targets| &targets.direct_view)
+    /// Where a light goes, besides the picture: [`LIGHT_FORMAT`], all 0 if nobody draws into it.
+    pub fn light(&self, light: Light) -> Option<&TextureView> {
+        let targets = self.targets.as_ref()?;
+        Some(&targets.lights[light as usize].1)
     }
 }
 
@@ -200,13 +232,14 @@ fn prepare_captures(
             continue;
         }
         let targets = Targets::new(&device, size);
-        let direct = u64::from(size.x) * u64::from(size.y) * u64::from(DIRECT_BYTES);
+        let texels = Light::ALL.len() as u64 * u64::from(size.x) * u64::from(size.y);
+        let lights = texels * u64::from(LIGHT_BYTES);
         let surfaces: u64 = targets
             .bands
             .iter()
             .map(|band| band.surfaces.size() + band.uniform.size())
             .sum();
-        ledger.set_bytes(EFFECT, format!("view {entity}"), direct + surfaces);
+        ledger.set_bytes(EFFECT, format!("view {entity}"), lights + surfaces);
         capture.targets = Some(targets);
     }
 }
@@ -238,15 +271,19 @@ impl CapturePipeline {
 
 impl Targets {
     fn new(device: &RenderDevice, size: UVec2) -> Self {
-        let direct = device.create_texture(&TextureDescriptor {
-            label: Some("akari_capture_direct"),
-            size: size.to_extents(),
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format: DIRECT_FORMAT,
-            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
-            view_formats: &[],
+        let lights = Light::ALL.map(|light| {
+            let texture = device.create_texture(&TextureDescriptor {
+                label: Some(light.label()),
+                size: size.to_extents(),
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format: LIGHT_FORMAT,
+                usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
+                view_formats: &[],
+            });
+            let view = texture.create_view(&TextureViewDescriptor::default());
+            (texture, view)
         });
         let row_bytes = u64::from(size.x) * SURFACE_BYTES;
         let limits = device.limits();
@@ -279,8 +316,7 @@ impl Targets {
             .collect();
         Self {
             size,
-            direct_view: direct.create_view(&TextureViewDescriptor::default()),
-            direct,
+            lights,
             bands,
         }
     }
@@ -393,36 +429,39 @@ fn collect_captures(
             copies.push((copy, Part::Surfaces(band.rows.start * targets.size.x)));
             // The same bands for the light: they fit the limits, up to the padding of rows.
             let row_bytes =
-                RenderDevice::align_copy_bytes_per_row((targets.size.x * DIRECT_BYTES) as usize)
+                RenderDevice::align_copy_bytes_per_row((targets.size.x * LIGHT_BYTES) as usize)
                     as u32;
             let rows = band.rows.end - band.rows.start;
-            let copy = staging(u64::from(row_bytes) * u64::from(rows));
-            encoder.copy_texture_to_buffer(
-                TexelCopyTextureInfo {
-                    origin: Origin3d {
-                        x: 0,
-                        y: band.rows.start,
-                        z: 0,
+            for (light, (texture, _)) in Light::ALL.into_iter().zip(&targets.lights) {
+                let copy = staging(u64::from(row_bytes) * u64::from(rows));
+                encoder.copy_texture_to_buffer(
+                    TexelCopyTextureInfo {
+                        origin: Origin3d {
+                            x: 0,
+                            y: band.rows.start,
+                            z: 0,
+                        },
+                        ..texture.as_image_copy()
                     },
-                    ..targets.direct.as_image_copy()
-                },
-                TexelCopyBufferInfo {
-                    buffer: &copy,
-                    layout: TexelCopyBufferLayout {
-                        offset: 0,
-                        bytes_per_row: Some(row_bytes),
-                        rows_per_image: None,
+                    TexelCopyBufferInfo {
+                        buffer: &copy,
+                        layout: TexelCopyBufferLayout {
+                            offset: 0,
+                            bytes_per_row: Some(row_bytes),
+                            rows_per_image: None,
+                        },
                     },
-                },
-                UVec2::new(targets.size.x, rows).to_extents(),
-            );
-            copies.push((
-                copy,
-                Part::Direct {
-                    first_row: band.rows.start,
-                    row_bytes,
-                },
-            ));
+                    UVec2::new(targets.size.x, rows).to_extents(),
+                );
+                copies.push((
+                    copy,
+                    Part::Light {
+                        light,
+                        first_row: band.rows.start,
+                        row_bytes,
+                    },
+                ));
+            }
         }
         queue.submit([encoder.finish()]);
         view.shared.pending().start(targets.size, copies.len());
@@ -444,8 +483,12 @@ fn collect_captures(
 enum Part {
     /// Signals of the G-buffer from this pixel on.
     Surfaces(u32),
-    /// Light of area lights from this row on, rows padded to so many bytes.
-    Direct { first_row: u32, row_bytes: u32 },
+    /// A light from this row on, rows padded to so many bytes.
+    Light {
+        light: Light,
+        first_row: u32,
+        row_bytes: u32,
+    },
 }
 
 impl Pending {
@@ -460,7 +503,7 @@ impl Pending {
             depth: vec![0.0; pixels],
             albedo: vec![[0.0; 3]; pixels],
             roughness: vec![0.0; pixels],
-            direct: vec![[0.0; 3]; pixels],
+            lights: Light::ALL.map(|_| vec![[0.0; 3]; pixels]),
         };
     }
 
@@ -488,15 +531,15 @@ impl Pending {
                     }
                 }
             }
-            Part::Direct {
+            Part::Light {
+                light,
                 first_row,
                 row_bytes,
             } => {
                 let width = capture.width as usize;
                 for (row, bytes) in bytes.chunks(row_bytes as usize).enumerate() {
                     let start = (first_row as usize + row) * width;
-                    for (column, pixel) in capture
-                        .direct
+                    for (column, pixel) in capture.lights[light as usize]
                         .iter_mut()
                         .skip(start)
                         .take(width)
@@ -532,7 +575,8 @@ mod tests {
         // Rows padded by one pixel.
         let direct: Vec<f32> = (0..12u8).map(f32::from).collect();
         shared.pending().arrive(
-            Part::Direct {
+            Part::Light {
+                light: Light::IndirectDiffuse,
                 first_row: 1,
                 row_bytes: 48,
             },
@@ -548,9 +592,10 @@ mod tests {
             ([4.0, 5.0, 6.0], 15.0)
         );
         assert_eq!(
-            capture.direct,
+            capture.light(Light::IndirectDiffuse),
             [[0.0; 3], [0.0; 3], [0.0, 1.0, 2.0], [4.0, 5.0, 6.0]]
         );
+        assert_eq!(capture.light(Light::Direct), [[0.0; 3]; 4]);
         assert_eq!(shared.take(), None, "taken");
     }
 }

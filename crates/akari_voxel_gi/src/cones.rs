@@ -34,9 +34,9 @@ const ROUGH: f32 = 0.95;
 /// On a view in the render world: its indirect light is traced.
 #[derive(Component, Debug, Clone, Copy, PartialEq)]
 pub struct ViewVoxelGi {
-    settings: VoxelGi,
+    pub(crate) settings: VoxelGi,
     /// Whether anything in the scene is smooth enough for specular cones.
-    specular: bool,
+    pub(crate) specular: bool,
 }
 
 /// Field by field as `Cones` in `cones.wgsl`.
@@ -61,7 +61,7 @@ pub struct ConeTargets {
     texels: UVec2,
     diffuse: TextureView,
     specular: Option<(TextureView, TextureView)>,
-    frame: u32,
+    pub(crate) frame: u32,
 }
 
 /// What the pass binds.
@@ -74,7 +74,7 @@ pub struct PreparedCones {
     texels: UVec2,
 }
 
-/// Pipelines by definitions of the guides, and with or without specular cones.
+/// Pipelines by definitions, and with or without specular cones.
 #[derive(Resource, Default)]
 pub struct ConePipelines(HashMap<(Vec<ShaderDefVal>, bool), CachedComputePipelineId>);
 
@@ -244,13 +244,14 @@ pub fn prepare_cones(
         return;
     };
     for (entity, extracted, view, targets, guides) in &views {
-        let key = (guides.shader_defs.clone(), view.specular);
+        let mut definitions = guides.shader_defs.clone();
+        definitions.extend(trace_definitions(true, view.settings.plain_cones));
+        let key = (definitions, view.specular);
         let pipeline = *pipelines
             .0
             .entry(key)
             .or_insert_with_key(|(definitions, specular)| {
                 let mut shader_defs = definitions.clone();
-                shader_defs.extend(trace_definitions(true));
                 if *specular {
                     shader_defs.push("SPECULAR".into());
                 }

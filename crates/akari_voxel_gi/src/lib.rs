@@ -14,11 +14,16 @@
 //! **Cost**: nothing unless a camera has [`VoxelGi`](settings::VoxelGi), a mesh is opaque and lit, and something shines.
 //! Otherwise memory of a fixed size (`GpuLedger` tells it, 36 to 44 bytes a triangle among it), and time for the bricks
 //! that changed, under a cap.
+//!
+//! **To look into it**: [`VoxelGiDebug`](debug::VoxelGiDebug) on the camera draws voxels, cones or leaks; without it there is
+//! no pass and no pipeline for that. [`VoxelGi::plain_cones`](settings::VoxelGi::plain_cones) traces isotropic cones as
+//! commonly done, for comparison. `docs/error_time.md` has the error against paths over the time of a frame.
 
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
-use bevy::core_pipeline::schedule::{Core3d, camera_driver};
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems, camera_driver};
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
@@ -27,6 +32,7 @@ use bevy::shader::load_shader_library;
 pub mod arena;
 pub mod clipmap;
 pub mod cones;
+pub mod debug;
 pub mod demand;
 pub mod geometry;
 pub mod lighting;
@@ -45,6 +51,7 @@ pub const EFFECT: &str = "voxel-gi";
 /// Everything that an app uses from here.
 pub mod prelude {
     pub use crate::VoxelGiPlugin;
+    pub use crate::debug::{VoxelGiDebug, VoxelGiDebugView};
     pub use crate::scene::NotVoxelized;
     pub use crate::settings::VoxelGi;
 }
@@ -60,7 +67,8 @@ impl Plugin for VoxelGiPlugin {
     fn build(&self, app: &mut App) {
         ensure_render_plugin(app);
         app.register_type::<settings::VoxelGi>()
-            .register_type::<scene::NotVoxelized>();
+            .register_type::<scene::NotVoxelized>()
+            .register_type::<debug::VoxelGiDebug>();
         demand::build(app);
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -74,6 +82,7 @@ impl Plugin for VoxelGiPlugin {
         embedded_asset!(app, "inject.wgsl");
         embedded_asset!(app, "gather.wgsl");
         embedded_asset!(app, "cones.wgsl");
+        embedded_asset!(app, "debug.wgsl");
         embedded_asset!(app, "release.wgsl");
         embedded_asset!(app, "voxelize.wgsl");
         embedded_asset!(app, "mips.wgsl");
@@ -98,12 +107,14 @@ impl Plugin for VoxelGiPlugin {
             .init_resource::<demand::CounterReadback>()
             .init_resource::<lights::VoxelLights>()
             .init_resource::<cones::ConePipelines>()
+            .init_resource::<debug::DebugPipelines>()
             .add_systems(
                 ExtractSchedule,
                 (
                     scene::extract_scene,
                     lights::extract_lights,
                     cones::extract_views,
+                    debug::extract_debug_views,
                 ),
             )
             .add_systems(
@@ -114,7 +125,11 @@ impl Plugin for VoxelGiPlugin {
                         .in_set(RenderSystems::Prepare),
                     (prepare::prepare_voxel_work, cones::prepare_signals)
                         .in_set(RenderSystems::PrepareResources),
-                    (lighting::prepare_lighting, cones::prepare_cones)
+                    (
+                        lighting::prepare_lighting,
+                        cones::prepare_cones,
+                        debug::prepare_debug_views,
+                    )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
@@ -128,6 +143,16 @@ impl Plugin for VoxelGiPlugin {
                     .in_set(RenderGraphSystems::Render)
                     .before(camera_driver),
             )
-            .add_systems(Core3d, cones::trace_cones.in_set(AkariPassSystems::Signals));
+            .add_systems(
+                Core3d,
+                (
+                    cones::trace_cones.in_set(AkariPassSystems::Signals),
+                    // Over all that was added to the picture, under what is drawn forward.
+                    debug::draw_debug_view
+                        .in_set(Core3dSystems::MainPass)
+                        .after(AkariPassSystems::Filter)
+                        .before(main_opaque_pass_3d),
+                ),
+            );
     }
 }

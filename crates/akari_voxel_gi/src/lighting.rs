@@ -44,6 +44,7 @@ fn mean_rate(settled: u32, history: u32) -> f32 {
 #[derive(Resource)]
 pub struct VoxelLighting {
     key: StoreKey,
+    plain_cones: bool,
     inject: CachedComputePipelineId,
     gather: Option<CachedComputePipelineId>,
     uniform: UniformBuffer<GpuVoxelLighting>,
@@ -71,7 +72,11 @@ pub fn voxel_layout(radiance: bool) -> BindGroupLayoutDescriptor {
     let entries: Vec<BindGroupLayoutEntry> = entries
         .into_iter()
         .enumerate()
-        .map(|(binding, entry)| entry.build(binding as u32, ShaderStages::COMPUTE))
+        .map(|(binding, entry)| {
+            // Debug views are drawn.
+            let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
+            entry.build(binding as u32, stages)
+        })
         .collect();
     BindGroupLayoutDescriptor::new("akari_voxel_gi_voxels_layout", &entries)
 }
@@ -107,11 +112,15 @@ pub fn voxel_group(
     )
 }
 
-/// The definitions of the shaders that trace voxels.
-pub fn trace_definitions(radiance: bool) -> Vec<ShaderDefVal> {
+/// The definitions of the shaders that trace voxels, for their radiance or only for what is in the way; `plain_cones` as in
+/// the settings.
+pub fn trace_definitions(radiance: bool, plain_cones: bool) -> Vec<ShaderDefVal> {
     let mut definitions = vec![ShaderDefVal::UInt("VOXEL_GROUP".into(), VOXEL_GROUP)];
     if radiance {
         definitions.push("TRACE_RADIANCE".into());
+    }
+    if plain_cones {
+        definitions.push("PLAIN_CONES".into());
     }
     definitions
 }
@@ -152,10 +161,10 @@ fn gather_layout() -> BindGroupLayoutDescriptor {
 }
 
 impl VoxelLighting {
-    fn new(key: StoreKey, cache: &PipelineCache, assets: &AssetServer) -> Self {
+    fn new(key: StoreKey, plain_cones: bool, cache: &PipelineCache, assets: &AssetServer) -> Self {
         let queue =
             |label: &'static str, shader, group, mut shader_defs: Vec<ShaderDefVal>, radiance| {
-                shader_defs.extend(trace_definitions(radiance));
+                shader_defs.extend(trace_definitions(radiance, plain_cones));
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(label.into()),
                     layout: vec![group, voxel_layout(radiance)],
@@ -166,6 +175,7 @@ impl VoxelLighting {
             };
         Self {
             key,
+            plain_cones,
             inject: queue(
                 INJECT_LABEL,
                 load_embedded_asset!(assets, "inject.wgsl"),
@@ -212,8 +222,13 @@ pub fn prepare_lighting(
         }
         return;
     };
-    let Some(mut lighting) = lighting.filter(|lighting| lighting.key == buffers.key) else {
-        commands.insert_resource(VoxelLighting::new(buffers.key, &cache, &assets));
+    let plain_cones = view.settings.plain_cones;
+    let fits = |lighting: &ResMut<VoxelLighting>| {
+        (lighting.key, lighting.plain_cones) == (buffers.key, plain_cones)
+    };
+    let Some(mut lighting) = lighting.filter(fits) else {
+        let fresh = VoxelLighting::new(buffers.key, plain_cones, &cache, &assets);
+        commands.insert_resource(fresh);
         return;
     };
     let lighting = &mut *lighting;

@@ -44,6 +44,9 @@ pub struct VoxelGi {
     pub history: u32,
     /// Rays from each voxel to each area light, 1 to 64.
     pub light_rays: u32,
+    /// March plain isotropic cones, as voxel cone tracing is commonly done: one opacity for all directions, one colour for
+    /// all faces. They leak; here for comparison.
+    pub plain_cones: bool,
 }
 
 impl VoxelGi {
@@ -201,6 +204,15 @@ impl Knobs for VoxelGi {
             presets: [2.0, 4.0, 4.0, 8.0],
             cost: "time of the injection, in proportion",
         },
+        Knob {
+            name: "plain_cones",
+            what: "1: isotropic cones as commonly done, for comparison: they leak; 0: ours",
+            min: 0.0,
+            max: 1.0,
+            integer: true,
+            presets: [0.0, 0.0, 0.0, 0.0],
+            cost: "less time, and light that comes through walls",
+        },
     ];
 
     fn value(&self, name: &str) -> Option<f32> {
@@ -218,6 +230,7 @@ impl Knobs for VoxelGi {
             "history" => Some(self.history as f32),
             "light_rays" => Some(self.light_rays as f32),
             "aperture" => Some(self.aperture),
+            "plain_cones" => Some(f32::from(u8::from(self.plain_cones))),
             _ => None,
         }
     }
@@ -237,6 +250,7 @@ impl Knobs for VoxelGi {
             "history" => self.history = value as u32,
             "light_rays" => self.light_rays = value as u32,
             "aperture" => self.aperture = value,
+            "plain_cones" => self.plain_cones = value != 0.0,
             _ => {}
         }
     }
@@ -256,6 +270,7 @@ impl Knobs for VoxelGi {
             history: 0,
             light_rays: 0,
             aperture: 0.0,
+            plain_cones: false,
         };
         for knob in Self::KNOBS {
             settings.store(knob.name, knob.presets[quality as usize]);

@@ -51,6 +51,11 @@ const MAX_RECIPROCAL: f32 = 1e7;
 // A ray ends where less than this of its light comes through.
 const MIN_TRANSMITTANCE: f32 = 0.004;
 
+#ifdef PLAIN_CONES
+// Whether rays march as plain isotropic cones do. The debug view of leaks compares them with rays that do not.
+var<private> march_plainly: bool = true;
+#endif
+
 struct VoxelRay {
     // Relative to the anchor, metres.
     origin: vec3<f32>,
@@ -134,28 +139,30 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
     let covered = voxel_coverage[record];
     var result = VoxelCrossing(1.0, vec3(0.0), 0.0);
 #ifdef PLAIN_CONES
-    // One opacity for all directions and one colour for all faces, by the length of the path; the start is kept clear
-    // by one voxel.
-    var opacity = 0.0;
-    var light = vec3(0.0);
-    var faces = 0.0;
-    for (var face = 0u; face < 6u; face++) {
-        let part = coverage_of_face(covered, face);
-        opacity = max(opacity, part);
+    if march_plainly {
+        // One opacity for all directions and one colour for all faces, by the length of the path; the start is kept clear
+        // by one voxel.
+        var opacity = 0.0;
+        var light = vec3(0.0);
+        var faces = 0.0;
+        for (var face = 0u; face < 6u; face++) {
+            let part = coverage_of_face(covered, face);
+            opacity = max(opacity, part);
 #ifdef TRACE_RADIANCE
-        light += part * voxel_radiance_unpack(voxel_radiance[6u * record + face]);
+            light += part * voxel_radiance_unpack(voxel_radiance[6u * record + face]);
 #endif
-        faces += part;
-    }
-    if travelled + 0.5 * span < 1.0 {
+            faces += part;
+        }
+        if travelled + 0.5 * span < 1.0 {
+            return result;
+        }
+        let alpha = 1.0 - pow(max(1.0 - opacity, 1e-6), span);
+        result.transmittance = 1.0 - alpha;
+        result.radiance = light * (alpha / max(faces, 1e-6));
+        result.at = 0.5 * span;
         return result;
     }
-    let alpha = 1.0 - pow(max(1.0 - opacity, 1e-6), span);
-    result.transmittance = 1.0 - alpha;
-    result.radiance = light * (alpha / max(faces, 1e-6));
-    result.at = 0.5 * span;
-    return result;
-#else
+#endif
     let position = entry - vec3<f32>(low);
     var planes: array<VoxelSurface, 6>;
     for (var face = 0u; face < 6u; face++) {
@@ -221,7 +228,6 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
     result.radiance *= opacity / max(weights, 1e-6);
     result.at = max(depth / max(weights, 1e-6), 0.0);
     return result;
-#endif
 }
 
 // What comes along a ray or a cone.

@@ -101,6 +101,23 @@ fn cones() -> Entry {
     }
 }
 
+fn debug(view: &'static str) -> Entry {
+    Entry {
+        file: "debug.wgsl",
+        source: include_str!("../src/debug.wgsl"),
+        entry_point: "debug",
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&["TRACE_RADIANCE"]],
+            &[&[], &["EXTERNAL_GUIDES"]],
+            &[&[], &["STORED_LOBES"]],
+            &[&[], &["WANG_LOBES"]],
+            &[&[], &["PLAIN_CONES"]],
+            &[&[view]],
+        ]),
+    }
+}
+
 fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     Entry {
         file: "release.wgsl",
@@ -110,13 +127,18 @@ fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     }
 }
 
-fn entries() -> [Entry; 8] {
+fn entries() -> [Entry; 13] {
     [
         cones(),
         inject(),
         gather(),
         voxelize(),
         mips(),
+        debug("VIEW_CASCADES"),
+        debug("VIEW_RADIANCE"),
+        debug("VIEW_OPACITY"),
+        debug("VIEW_CONE_COUNT"),
+        debug("VIEW_LEAKS"),
         release("RELEASE", "release"),
         release("RECLAIM", "reclaim"),
         release("COUNT", "count"),

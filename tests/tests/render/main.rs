@@ -5,6 +5,8 @@ mod budget;
 mod demand;
 mod denoise;
 mod indirect;
+mod indirect_quality;
+mod indirect_views;
 mod lights;
 mod overlay;
 mod shadows;

@@ -43,6 +43,8 @@ pub struct Scope {
     face_size: u32,
     /// Frames of one sample a pixel that the denoiser is given.
     history_frames: u32,
+    /// Whether knobs that show least are left as they are.
+    quick: bool,
 }
 
 impl Scope {
@@ -55,6 +57,7 @@ impl Scope {
                 steps: 3,
                 face_size: 32,
                 history_frames: 4,
+                quick: true,
             }
         } else {
             Self {
@@ -64,6 +67,7 @@ impl Scope {
                 steps: 6,
                 face_size: 64,
                 history_frames: 16,
+                quick: false,
             }
         };
         scope.size = args.size.unwrap_or(scope.size);
@@ -262,7 +266,7 @@ fn measure(
 fn draw(stage: &mut Stage, variant: &Variant) -> Result<(Point, RgbImage), CliError> {
     stage.apply(variant)?;
     let passes = stage.passes()?;
-    stage.gather_history()?;
+    stage.converge()?;
     let picture = stage.picture()?;
     let next = stage.picture()?;
     let error = compare(&picture, &stage.truth, None)

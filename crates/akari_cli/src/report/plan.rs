@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Effects with a picture that can be held against a reference, by the names of their settings.
-pub const EFFECTS: [&str; 3] = ["area_lights", "shadows", "denoise"];
+pub const EFFECTS: [&str; 4] = ["area_lights", "shadows", "denoise", "voxel_gi"];
 
 /// One curve to be measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +17,8 @@ pub struct Subject {
     pub effect: &'static str,
     /// The scene.
     pub scene: PathBuf,
+    /// Whether there is nothing to build upon: every frame is the first.
+    pub first_frame: bool,
 }
 
 impl Subject {
@@ -25,11 +27,17 @@ impl Subject {
         format!("{}-{}", self.effect, self.scene_name())
     }
 
-    /// The scene's file name without its ending.
+    /// The scene's file name without its ending, and what it is seen in.
     pub fn scene_name(&self) -> String {
-        self.scene
+        let stem = self
+            .scene
             .file_stem()
-            .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+            .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        if self.first_frame {
+            format!("{stem}_first_frame")
+        } else {
+            stem
+        }
     }
 }
 
@@ -55,6 +63,8 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
+        ("voxel_gi", true) => &["cornell", "corridor"],
+        ("voxel_gi", false) => &["cornell", "furnace", "corridor", "glossy_hall"],
         (_, true) => &["roughness_map", "cornell"],
         (_, false) => &[
             "roughness_map",
@@ -102,7 +112,15 @@ pub fn subjects(
         } else {
             scenes.to_vec()
         };
-        subjects.extend(of_effect.into_iter().map(|scene| Subject { effect, scene }));
+        for scene in of_effect {
+            // What has just come into view has no history, and is filtered all the same.
+            let kinds: &[bool] = if effect == "denoise" { &[false, true] } else { &[false] };
+            subjects.extend(kinds.iter().map(|first_frame| Subject {
+                effect,
+                scene: scene.clone(),
+                first_frame: *first_frame,
+            }));
+        }
     }
     if let Some(missing) = subjects.iter().find(|subject| !subject.scene.is_file()) {
         return Err(CliError::input(format!(
@@ -111,6 +129,37 @@ pub fn subjects(
         )));
     }
     Ok(subjects)
+}
+
+/// Knobs of an effect that are left as they are, where that is not none: those that show in no still picture, and for a
+/// quick look those that show least.
+fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
+    match (effect, quick) {
+        ("voxel_gi", true) => &[
+            "pages",
+            "bricks_per_frame",
+            "gather_cones",
+            "history",
+            "light_rays",
+            "aperture",
+        ],
+        ("voxel_gi", false) => &["pages", "bricks_per_frame"],
+        // The denoiser is given every pixel: nothing is upsampled.
+        ("denoise", _) => &["resample_below"],
+        _ => &[],
+    }
+}
+
+/// Values of a knob that has few, not evenly apart; others count as one of these.
+fn values_of(effect: &str, knob: &str) -> Option<&'static [f32]> {
+    match (effect, knob) {
+        ("voxel_gi", "cones" | "gather_cones") => Some(&[1.0, 5.0, 9.0, 16.0]),
+        ("voxel_gi", "resolution") => Some(&[32.0, 64.0, 128.0, 256.0]),
+        ("voxel_gi", "scale") => Some(&[1.0, 2.0, 4.0]),
+        // Below and above, a scene's size makes the difference.
+        ("voxel_gi", "voxel_size") => Some(&[0.03125, 0.0625, 0.125, 0.25]),
+        _ => None,
+    }
 }
 
 /// The presets of an effect, then `high` with one knob turned at a time. No setting appears twice, nor one that differs
@@ -143,13 +192,12 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
     }
     let high = AkariSettings::default();
     for (owner, knob, current) in high.knobs() {
-        if owner != effect {
+        if owner != effect || left_out(effect, scope.quick).contains(&knob.name) {
             continue;
         }
-        if !shown_by_stage(effect, knob.name) {
-            continue;
-        }
-        for value in steps(&knob, current, scope.steps) {
+        let tried = values_of(effect, knob.name)
+            .map_or_else(|| steps(&knob, current, scope.steps), <[f32]>::to_vec);
+        for value in tried {
             let mut settings = high;
             if settings.set(effect, knob.name, value).is_err() {
                 continue;
@@ -172,12 +220,6 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
         }
     }
     variants
-}
-
-/// Whether the pictures of an effect's curve show what the knob does.
-fn shown_by_stage(effect: &str, knob: &str) -> bool {
-    // The denoiser is given every pixel: nothing is upsampled.
-    (effect, knob) != ("denoise", "resample_below")
 }
 
 /// Name of a preset as the command line spells it.
@@ -239,7 +281,11 @@ mod tests {
         rounds: 1,
         steps: 4,
         face_size: 16,
+<<<<<<< HEAD
         history_frames: 2,
+=======
+        quick: true,
+>>>>>>> show
     };
 
     #[test]
@@ -268,6 +314,22 @@ mod tests {
                 assert_eq!(changed, 1, "{effect}: {}", variant.label);
             }
         }
+    }
+
+    #[test]
+    fn a_long_look_at_voxel_gi_turns_more_knobs() {
+        let turned = |quick| {
+            let variants = variants("voxel_gi", &Scope { quick, ..SCOPE });
+            let knobs: std::collections::BTreeSet<_> =
+                variants.iter().filter_map(|variant| variant.knob).collect();
+            knobs
+        };
+        let (few, all) = (turned(true), turned(false));
+        for knob in ["cones", "specular_cones", "resolution", "cascades", "scale"] {
+            assert!(few.contains(knob), "{knob}");
+        }
+        assert!(all.is_superset(&few) && all.len() > few.len());
+        assert!(!all.contains("pages"));
     }
 
     #[test]

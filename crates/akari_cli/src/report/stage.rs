@@ -6,7 +6,7 @@ use super::plan::{Subject, Variant};
 use crate::args::{Common, Size};
 use crate::error::CliError;
 use crate::load::{choose_camera, load_scene, make_folder};
-use crate::progress::{Reporter, interrupted, writing};
+use crate::progress::{Reporter, check_interrupt, interrupted, writing};
 use crate::render::{headless_options, load_bake, radiance_scale};
 use crate::spawn::{camera_components, spawn_scene};
 use akari_bake::{Geometry, GeometryOptions, bake};
@@ -15,8 +15,9 @@ use akari_scene::Scene;
 use akari_scene::exr_io::RgbImage;
 use bevy::prelude::*;
 use bevy_akari::buffers::{BufferDenoiser, SignalFrame, Surfaces};
-use bevy_akari::headless::Headless;
+use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::prelude::*;
+use bevy_akari::render::guides::NeedsGuides;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -25,6 +26,13 @@ use std::time::Instant;
 const OWN_PASSES: &str = "akari_";
 /// Frames after a change of settings before one is timed: buffers are made anew in the first.
 const SETTLING_FRAMES: u32 = 2;
+
+/// Frames after a change of settings before one of voxel GI is timed: all bricks have been made by then.
+const VOXEL_FRAMES: u32 = 6;
+/// Frames after which indirect light is compared: bounces have added up, samples, too.
+const BOUNCE_FRAMES: u32 = 32;
+/// Longest path of references of indirect light: what is left is below a thousandth.
+const ALL_BOUNCES: u32 = 16;
 
 /// A frame's times.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +50,8 @@ enum Drawing {
         headless: Box<Headless>,
         view: Entity,
         scale: f32,
+        /// The picture without the effect, where the effect is what comes on top of it.
+        without: Option<RgbImage>,
     },
     /// The denoiser on buffers of the path tracer.
     Buffers {
@@ -50,6 +60,8 @@ enum Drawing {
         noisy: Vec<Vec<[f32; 3]>>,
         /// Frames since the history was forgotten.
         frame: usize,
+        /// Whether it is forgotten in every frame.
+        first_frame: bool,
         emission: Vec<[f32; 3]>,
         size: UVec2,
     },
@@ -84,15 +96,30 @@ impl Stage {
             height: scope.size,
         };
         let options = reference_options(subject.effect, size, scope.spp);
-        let traced = trace(&scene, &options, common)?;
-        let reference = Reference {
+        let mut traced = trace(&scene, &options, common)?;
+        let mut reference = Reference {
             spp: options.spp,
             max_depth: options.max_depth,
             noise: traced.noise.map(|noise| noise.relative_rms),
         };
+        let indirect = subject.effect == "voxel_gi";
+        if indirect {
+            let once = Options {
+                max_depth: 2,
+                ..options
+            };
+            let direct = trace(&scene, &once, common)?;
+            let indirect = difference(&traced.color, &direct.color);
+            let all = std::mem::replace(&mut traced.color, indirect);
+            // What is left of the noise is that of all light, and less of its light.
+            let share = power(&all) / power(&traced.color).max(f64::MIN_POSITIVE);
+            reference.noise = reference.noise.map(|noise| noise * share.sqrt());
+        }
         let headless = Headless::new(&headless_options(common))?;
         if subject.effect == "denoise" {
-            return Self::of_buffers(&scene, headless, size, scope, traced, reference, common);
+            return Self::of_buffers(
+                subject, &scene, headless, size, scope, traced, reference, common,
+            );
         }
         let mut headless = headless;
         let bake = match subject.effect {
@@ -117,22 +144,39 @@ impl Stage {
             .world_mut()
             .entity_mut(view)
             .insert(AkariCamera);
+        let without = if indirect {
+            // Indirect light brings guides, and these filter the roughness that direct light sees, too.
+            headless
+                .app
+                .world_mut()
+                .entity_mut(view)
+                .insert(NeedsGuides);
+            headless.step_until_ready()?;
+            Some(unscaled(&headless.read(view)?, scale))
+        } else {
+            None
+        };
         Ok(Self {
             drawing: Drawing::Scene {
                 headless: Box::new(headless),
                 view,
                 scale,
+                without,
             },
             truth: traced.color,
             reference,
             what: match subject.effect {
                 "shadows" => "direct light with baked shadows, against traced rays",
+                "voxel_gi" => {
+                    "indirect light alone: the picture less that without it, against traced paths of two and more bounces"
+                }
                 _ => "direct light without shadows, against traced rays",
             },
         })
     }
 
     fn of_buffers(
+        subject: &Subject,
         scene: &Scene,
         headless: Headless,
         size: Size,
@@ -143,7 +187,9 @@ impl Stage {
     ) -> Result<Self, CliError> {
         let mut noisy = Vec::new();
         let mut aovs = None;
-        for frame in 0..scope.history_frames {
+        // Two are the least that flicker is seen in.
+        let frames = if subject.first_frame { 2 } else { scope.history_frames.max(2) };
+        for frame in 0..frames {
             // One sample a pixel, from other seeds than the reference's.
             let traced = trace(
                 scene,
@@ -192,12 +238,17 @@ impl Stage {
                 denoiser: Box::new(denoiser),
                 noisy,
                 frame: 0,
+                first_frame: subject.first_frame,
                 emission: aovs.emission,
                 size,
             },
             truth: traced.color,
             reference,
-            what: "global illumination of one sample a pixel, filtered over a few frames, against many samples",
+            what: if subject.first_frame {
+                "global illumination of one sample a pixel, filtered in one frame, against many samples"
+            } else {
+                "global illumination of one sample a pixel, filtered over a few frames, against many samples"
+            },
         })
     }
 
@@ -231,9 +282,20 @@ impl Stage {
     /// # Errors
     /// If the GPU refused a command or a shader.
     pub fn apply(&mut self, variant: &Variant) -> Result<(), CliError> {
+        let mut settling = SETTLING_FRAMES;
         match &mut self.drawing {
-            Drawing::Scene { headless, .. } => {
-                variant.settings.apply(headless.app.world_mut());
+            Drawing::Scene {
+                headless,
+                view,
+                without,
+                ..
+            } => {
+                let world = headless.app.world_mut();
+                variant.settings.apply(world);
+                if without.is_some() {
+                    world.entity_mut(*view).insert(variant.settings.voxel_gi);
+                    settling = VOXEL_FRAMES;
+                }
                 headless.step_until_ready()?;
             }
             Drawing::Buffers {
@@ -243,7 +305,37 @@ impl Stage {
                 *frame = 0;
             }
         }
-        for _ in 0..SETTLING_FRAMES {
+        for _ in 0..settling {
+            self.frame()?;
+        }
+        Ok(())
+    }
+
+    /// Draws frames until the picture stands for what the settings lead to.
+    ///
+    /// # Errors
+    /// If the GPU refused a command, or the user stopped it.
+    pub fn converge(&mut self) -> Result<(), CliError> {
+        let frames = match &mut self.drawing {
+            Drawing::Scene { without, .. } => {
+                if without.is_some() {
+                    BOUNCE_FRAMES
+                } else {
+                    0
+                }
+            }
+            Drawing::Buffers {
+                frame,
+                noisy,
+                first_frame,
+                ..
+            } => {
+                *frame = 0;
+                if *first_frame { 0 } else { noisy.len() as u32 - 1 }
+            }
+        };
+        for _ in 0..frames {
+            check_interrupt()?;
             self.frame()?;
         }
         Ok(())
@@ -261,6 +353,7 @@ impl Stage {
                 denoiser,
                 noisy,
                 frame,
+                first_frame,
                 ..
             } => {
                 denoiser.frame(&SignalFrame {
@@ -269,7 +362,7 @@ impl Stage {
                     full_resolution: None,
                     scale: SignalScale::Full,
                     frame: *frame as u32,
-                    reset: *frame == 0,
+                    reset: *frame == 0 || *first_frame,
                 })?;
                 *frame += 1;
             }
@@ -287,24 +380,6 @@ impl Stage {
         })
     }
 
-    /// Draws the frames that the next picture builds upon.
-    ///
-    /// # Errors
-    /// If the GPU refused a command.
-    pub fn gather_history(&mut self) -> Result<(), CliError> {
-        let missing = match &mut self.drawing {
-            Drawing::Scene { .. } => 0,
-            Drawing::Buffers { noisy, frame, .. } => {
-                *frame = 0;
-                noisy.len() - 1
-            }
-        };
-        for _ in 0..missing {
-            self.frame()?;
-        }
-        Ok(())
-    }
-
     /// The picture of a new frame.
     ///
     /// # Errors
@@ -315,16 +390,12 @@ impl Stage {
                 headless,
                 view,
                 scale,
+                without,
             } => {
-                let read = headless.read(*view)?;
-                let data = read
-                    .data
-                    .iter()
-                    .map(|[r, g, b, _]| [r / *scale, g / *scale, b / *scale]);
-                Ok(RgbImage {
-                    width: read.width,
-                    height: read.height,
-                    data: data.collect(),
+                let picture = unscaled(&headless.read(*view)?, *scale);
+                Ok(match without {
+                    Some(without) => difference(&picture, without),
+                    None => picture,
                 })
             }
             Drawing::Buffers { .. } => {
@@ -380,10 +451,42 @@ fn reference_options(effect: &str, size: Size, spp: u32) -> Options {
         width: size.width,
         height: size.height,
         spp,
-        max_depth: if effect == "denoise" { 8 } else { 2 },
+        max_depth: match effect {
+            "denoise" => 8,
+            "voxel_gi" => ALL_BOUNCES,
+            _ => 2,
+        },
         no_occlusion: effect == "area_lights",
         pixel_centers: true,
         ..Options::default()
+    }
+}
+
+/// What was read, in the unit of the scene.
+fn unscaled(read: &ReadImage, scale: f32) -> RgbImage {
+    let pixels = read.data.iter();
+    RgbImage {
+        width: read.width,
+        height: read.height,
+        data: pixels
+            .map(|[r, g, b, _]| [r / scale, g / scale, b / scale])
+            .collect(),
+    }
+}
+
+fn power(image: &RgbImage) -> f64 {
+    let channels = image.data.iter().flatten();
+    channels.map(|x| f64::from(*x) * f64::from(*x)).sum()
+}
+
+/// What one picture has and another has not.
+fn difference(all: &RgbImage, part: &RgbImage) -> RgbImage {
+    let pairs = all.data.iter().zip(&part.data);
+    RgbImage {
+        data: pairs
+            .map(|(all, part)| std::array::from_fn(|c| all[c] - part[c]))
+            .collect(),
+        ..*all
     }
 }
 

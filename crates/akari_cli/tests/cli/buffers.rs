@@ -194,3 +194,73 @@ fn buffers_agree_with_the_reference() {
     });
     assert!(twice > 0.3, "light counted twice must be noticed: {twice}");
 }
+
+/// Mean of all channels.
+fn mean(image: &RgbImage) -> f64 {
+    let sum: f64 = image.data.iter().flatten().map(|x| f64::from(*x)).sum();
+    sum / image.data.len() as f64
+}
+
+#[test]
+fn indirect_light_is_written_apart() {
+    if !has_adapter() {
+        return;
+    }
+    let place = Place::new();
+    let scene = asset("cornell.glb");
+    let render = |effects: &str, folder: &str| {
+        let arguments = [
+            "render",
+            &scene,
+            "--size",
+            "48x48",
+            "--out",
+            "c.exr",
+            "--frames",
+            "6",
+            "--set",
+            "voxel_gi.voxel_size=0.04",
+            "--effects",
+            effects,
+            "--buffers",
+            folder,
+            "--quiet",
+        ];
+        place.akari(&arguments).ok();
+        let read = |name: &str| -> RgbImage {
+            read_rgb(&place.file(&format!("{folder}/{name}.exr"))).expect(name)
+        };
+        [
+            "color",
+            "direct",
+            "indirect_diffuse",
+            "indirect_specular",
+            "albedo",
+        ]
+        .map(read)
+    };
+    let [_, direct, diffuse, specular, _] = render("area-lights", "without");
+    assert!(mean(&direct) > 0.0);
+    assert_eq!((mean(&diffuse), mean(&specular)), (0.0, 0.0));
+    let [color, direct, diffuse, specular, albedo] = render("area-lights,voxel-gi", "with");
+    assert!(mean(&diffuse) > 0.05 * mean(&direct), "the room is lit");
+    assert!(mean(&specular) > 0.0, "one block is of metal");
+    // The picture is their sum, rounded to 16 bits with each addition; the light itself, brighter than all else, is apart.
+    let brightest = |pixel: [f32; 3]| pixel.into_iter().fold(0.0, f32::max);
+    let emits = |i: usize| brightest(color.data[i]) > 4.0;
+    let off = |parts: &[&RgbImage]| {
+        share(color.data.len(), |i| {
+            let sum: [f32; 3] =
+                std::array::from_fn(|c| parts.iter().map(|part| part.data[i][c]).sum());
+            !emits(i) && distance(sum, color.data[i]) > 3e-3 * brightest(color.data[i]) + 1e-6
+        })
+    };
+    let wrong = off(&[&direct, &diffuse, &specular]);
+    assert!(wrong < SILHOUETTES, "{wrong} of the pixels do not add up");
+    assert!(off(&[&direct, &diffuse]) > 0.02, "specular light counts");
+    assert!(off(&[&direct, &specular]) > 0.3, "diffuse light counts");
+    // The metal block, the brightest of all surfaces, reflects nothing diffusely; the red wall hardly anything green.
+    for i in (0..color.data.len()).filter(|i| albedo.data[*i][1] > 0.85) {
+        assert!(brightest(diffuse.data[i]) < 0.02 * brightest(specular.data[i]).max(0.1));
+    }
+}

@@ -1,0 +1,207 @@
+//! Error of indirect light by voxels against time, over cone counts, resolutions and cascades, with one bounce and all.
+//!
+//! `cargo bench -p bevy_akari_benches --bench voxel_gi` prints the table (it needs the `akari` binary beside it:
+//! `cargo build --workspace --bin akari`, with `--release` for the bench's own profile); with `-- write` it also writes
+//! `crates/akari_voxel_gi/docs/error_time.md` and its plot.
+
+use akari_reference::{NoProgress, Options, render};
+use akari_scene::Scene;
+use akari_scene::exr_io::RgbImage;
+use bevy_akari_benches::plot::{Series, errors_over_gpu_time};
+use bevy_akari_tests::accuracy::{render_with_cli, scene_path};
+use bevy_akari_tests::room::{Light, bias_and_error};
+use std::fmt::Write;
+use std::path::Path;
+
+const SCENE: &str = "cornell";
+/// Side of the pictures.
+const SIDE: u32 = 64;
+/// Samples a pixel of the references.
+const SPP: u32 = 512;
+/// Frames up to a picture.
+const FRAMES: u32 = 24;
+/// Bounces beyond which what is left is below a thousandth.
+const ALL_BOUNCES: u32 = 16;
+/// Width of the first cascade, metres.
+const EXTENT: f64 = 5.12;
+
+/// What is turned: cones, voxels along a cascade, cascades, bounces.
+#[derive(Clone, Copy, PartialEq)]
+struct Setting {
+    cones: u32,
+    resolution: u32,
+    cascades: u32,
+    feedback: bool,
+}
+
+const BASE: Setting = Setting {
+    cones: 9,
+    resolution: 128,
+    cascades: 3,
+    feedback: true,
+};
+
+/// Light that is in one picture and not in the other.
+fn difference(all: &RgbImage, part: &RgbImage) -> Light {
+    let pairs = all.data.iter().zip(&part.data);
+    pairs
+        .map(|(a, b)| std::array::from_fn(|c| f64::from(a[c]) - f64::from(b[c])))
+        .collect()
+}
+
+/// Traced light of two segments more than direct light has, and of all.
+fn truths() -> [Light; 2] {
+    let scene = Scene::load(&scene_path(SCENE)).expect("a scene of the repository");
+    let traced = |max_depth| {
+        let options = Options {
+            width: SIDE,
+            height: SIDE,
+            spp: SPP,
+            max_depth,
+            pixel_centers: true,
+            ..Options::default()
+        };
+        let output = render(&scene, None, &options, &NoProgress).expect("it renders");
+        output.color
+    };
+    let direct = traced(2);
+    [3, ALL_BOUNCES].map(|depth| difference(&traced(depth), &direct))
+}
+
+/// What was measured of a setting.
+struct Measured {
+    name: String,
+    bias: f64,
+    error: f64,
+    /// Of our passes of a frame, milliseconds: lighting of the voxels, cones of the pixels.
+    lighting: f64,
+    cones: f64,
+}
+
+fn measure(setting: Setting, direct: &RgbImage, truths: &[Light; 2]) -> (Measured, String) {
+    let Setting {
+        cones,
+        resolution,
+        cascades,
+        feedback,
+    } = setting;
+    let knobs = [
+        format!("cones={cones}"),
+        format!("resolution={resolution}"),
+        format!("voxel_size={}", EXTENT / f64::from(resolution)),
+        format!("cascades={cascades}"),
+        format!("feedback={}", u8::from(feedback)),
+    ];
+    let knobs = knobs.map(|knob| format!("voxel_gi.{knob}"));
+    let frames = FRAMES.to_string();
+    let mut arguments = vec!["--effects", "area-lights,voxel-gi", "--frames", &frames];
+    arguments.push("--quiet");
+    for knob in &knobs {
+        arguments.extend(["--set", knob]);
+    }
+    let (image, stats) = render_with_cli(&scene_path(SCENE), SIDE, &arguments);
+    let light = difference(&image, direct);
+    let (bias, error) = bias_and_error(&light, &truths[usize::from(feedback)], |_| true);
+    let time = |pass: &str| {
+        let ms = &stats["passes"][format!("akari_voxel_gi_{pass}")]["gpu_ms"]["median"];
+        ms.as_f64().unwrap_or(0.0)
+    };
+    let measured = Measured {
+        name: format!("{cones} cones, {resolution}³ × {cascades}"),
+        bias,
+        error,
+        lighting: time("inject") + time("gather"),
+        cones: time("cones"),
+    };
+    let adapter = stats["adapter"].as_str().unwrap_or_default().to_owned();
+    (measured, adapter)
+}
+
+fn main() {
+    let truths = truths();
+    let without = ["--effects", "area-lights,lobes", "--quiet"];
+    let (direct, _) = render_with_cli(&scene_path(SCENE), SIDE, &without);
+    let of_cones = |feedback| {
+        [1, 5, 9, 16].map(|cones| Setting {
+            cones,
+            feedback,
+            ..BASE
+        })
+    };
+    let groups = [
+        ("cones, all bounces", of_cones(true).to_vec()),
+        ("cones, one bounce", of_cones(false).to_vec()),
+        (
+            "resolution",
+            [32, 64, 128]
+                .map(|resolution| Setting { resolution, ..BASE })
+                .to_vec(),
+        ),
+        (
+            "cascades",
+            [1, 2, 3]
+                .map(|cascades| Setting { cascades, ..BASE })
+                .to_vec(),
+        ),
+    ];
+    let mut rows = String::new();
+    let mut series = Vec::new();
+    let mut name = String::new();
+    for (title, settings) in groups {
+        let mut points = Series::new(title);
+        for setting in settings {
+            let (measured, adapter) = measure(setting, &direct, &truths);
+            name = adapter;
+            let _ = writeln!(
+                rows,
+                "| {title} | {} | {:.1} % | {:+.1} % | {:.1} | {:.1} |",
+                measured.name,
+                100.0 * measured.error,
+                100.0 * measured.bias,
+                measured.lighting,
+                measured.cones
+            );
+            eprint!("{}", rows.lines().last().unwrap_or_default());
+            eprintln!();
+            let label = match title {
+                "resolution" => setting.resolution,
+                "cascades" => setting.cascades,
+                _ => setting.cones,
+            };
+            let time = measured.lighting + measured.cones;
+            let errors = [measured.error, measured.bias.abs()];
+            points.push(label.to_string(), time, errors, Some(time));
+        }
+        series.push(points);
+    }
+    let text = format!(
+        "# Indirect light by voxels: error against time\n\n\
+        Written by `cargo bench -p bevy_akari_benches --bench voxel_gi -- write`; do not edit.\n\n\
+        Indirect light of the Cornell box with a metal block, {SIDE} × {SIDE} pixels, after {FRAMES} frames, against {SPP}\n\
+        paths a pixel. With one bounce it is held against paths of one bounce. Caustics of the block are missing from ours\n\
+        and are most of the error. The first cascade is {EXTENT} m wide around the camera, which stands before the box: most\n\
+        of the room is in the second. All other settings are those of the preset `high`. Times are medians of a frame's\n\
+        spans, ms, on {name}: inject and gather, which take all voxels whatever changed, and the cones of a quarter of the\n\
+        pixels.\n\n\
+        | | setting | relative RMSE | bias | lighting of voxels | cones |\n|---|---|---|---|---|---|\n{rows}\n\
+        ![error against time](error_time.svg)\n"
+    );
+    print!("{text}");
+    if std::env::args().any(|argument| argument == "write") {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/akari_voxel_gi/docs");
+        let heading = format!("Indirect light by voxels: error against time of a frame ({name})");
+        let plot = errors_over_gpu_time(
+            &heading,
+            "passes of voxel GI, ms",
+            ["relative RMSE", "|bias|"],
+            &series,
+        );
+        let written = std::fs::create_dir_all(&folder)
+            .and_then(|()| std::fs::write(folder.join("error_time.md"), &text))
+            .and_then(|()| std::fs::write(folder.join("error_time.svg"), plot));
+        if let Err(error) = written {
+            eprintln!("cannot write to {}: {error}", folder.display());
+            std::process::exit(1);
+        }
+    }
+}

@@ -114,7 +114,11 @@ pub fn subjects(
         };
         for scene in of_effect {
             // What has just come into view has no history, and is filtered all the same.
-            let kinds: &[bool] = if effect == "denoise" { &[false, true] } else { &[false] };
+            let kinds: &[bool] = if effect == "denoise" {
+                &[false, true]
+            } else {
+                &[false]
+            };
             subjects.extend(kinds.iter().map(|first_frame| Subject {
                 effect,
                 scene: scene.clone(),
@@ -281,11 +285,8 @@ mod tests {
         rounds: 1,
         steps: 4,
         face_size: 16,
-<<<<<<< HEAD
         history_frames: 2,
-=======
         quick: true,
->>>>>>> show
     };
 
     #[test]

@@ -188,7 +188,11 @@ impl Stage {
         let mut noisy = Vec::new();
         let mut aovs = None;
         // Two are the least that flicker is seen in.
-        let frames = if subject.first_frame { 2 } else { scope.history_frames.max(2) };
+        let frames = if subject.first_frame {
+            2
+        } else {
+            scope.history_frames.max(2)
+        };
         for frame in 0..frames {
             // One sample a pixel, from other seeds than the reference's.
             let traced = trace(
@@ -331,7 +335,11 @@ impl Stage {
                 ..
             } => {
                 *frame = 0;
-                if *first_frame { 0 } else { noisy.len() as u32 - 1 }
+                if *first_frame {
+                    0
+                } else {
+                    noisy.len() as u32 - 1
+                }
             }
         };
         for _ in 0..frames {

@@ -33,15 +33,18 @@ pub fn presets(report: &Report) -> Vec<Presets> {
     effects.dedup();
     effects
         .into_iter()
-        .map(|effect| Presets {
-            effect: effect.to_owned(),
-            settings: Quality::ALL
-                .into_iter()
-                .filter_map(|quality| {
-                    let chosen = choose(&standings(report, effect), quality)?;
-                    Some((preset_name(quality), chosen.settings.clone()))
-                })
-                .collect(),
+        .map(|effect| {
+            let standings = standings(report, effect);
+            Presets {
+                effect: effect.to_owned(),
+                settings: Quality::ALL
+                    .into_iter()
+                    .filter_map(|quality| {
+                        let chosen = choose(&standings, quality)?;
+                        Some((preset_name(quality), chosen.settings.clone()))
+                    })
+                    .collect(),
+            }
         })
         .collect()
 }

@@ -23,6 +23,8 @@
 
 pub mod budget;
 pub mod buffers;
+#[cfg(test)]
+mod fuzz;
 pub mod headless;
 pub mod resample;
 pub mod settings;

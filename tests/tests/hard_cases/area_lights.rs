@@ -511,7 +511,8 @@ fn culling() -> Row {
         outputs: 1,
         twin: |x, y| {
             let p = vec3(x, 0);
-            let bound = solid_angle_bound(4.0, 1.414_213_6, p.length_squared(), p.z.abs());
+            let bound =
+                solid_angle_bound(4.0, std::f32::consts::SQRT_2, p.length_squared(), p.z.abs());
             let mut exact = Vec::new();
             exact_solid_angle(p.as_dvec3(), &mut exact);
             y.push(exact[0] as f32 - bound);

@@ -492,7 +492,7 @@ fn reprojection() -> Row {
                 relative: 2e-7,
             },
             samples(&log_steps(-38.0, 38.4, 300), |hit, row| {
-                row.extend([hit, v, 8.0, 0.5])
+                row.extend([hit, v, 8.0, 0.5]);
             }),
         ));
     }
@@ -504,7 +504,7 @@ fn reprojection() -> Row {
                 relative: 2e-7,
             },
             samples(&log_steps(-3.0, 30.0, 330), |length, row| {
-                row.extend([1.0, 0.1, length, confidence])
+                row.extend([1.0, 0.1, length, confidence]);
             }),
         ));
     }
@@ -513,7 +513,7 @@ fn reprojection() -> Row {
             format!("hits behind the surface, width {v}"),
             absolute(1e-6),
             samples(&steps(-1.0, 1.0, 300), |hit, row| {
-                row.extend([hit, v, 0.0, 1.0])
+                row.extend([hit, v, 0.0, 1.0]);
             }),
         ));
     }
@@ -603,7 +603,7 @@ fn residuals() -> Row {
             push3(
                 y,
                 residual_unpack(residual_pack(Vec3::new(x[0], -0.5 * x[0], 0.0))),
-            )
+            );
         },
         oracle: |x, y| y.extend([x[0], -0.5 * x[0], 0.0]),
         range: [-65536.0, 65536.0],

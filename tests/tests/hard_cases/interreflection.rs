@@ -255,14 +255,18 @@ fn over_polygons(name: &'static str, nodes: u32) -> Row {
     let (twin, error, fine): (TwinFn, f64, f64) = match nodes {
         4 => (
             |x, y| {
-                y.push(sg_polygon_integral(&corners(x), vec3(x, 12), x[15], 4) / sg_integral(x[15]))
+                y.push(
+                    sg_polygon_integral(&corners(x), vec3(x, 12), x[15], 4) / sg_integral(x[15]),
+                );
             },
             4.0 * 1.8e-3,
             2e-4,
         ),
         _ => (
             |x, y| {
-                y.push(sg_polygon_integral(&corners(x), vec3(x, 12), x[15], 8) / sg_integral(x[15]))
+                y.push(
+                    sg_polygon_integral(&corners(x), vec3(x, 12), x[15], 8) / sg_integral(x[15]),
+                );
             },
             4.0 * 1.0e-4,
             4e-5,

@@ -551,7 +551,7 @@ fn albedo() -> Row {
             format!("view through the horizon, roughness {roughness}"),
             absolute(5e-6),
             samples(&through_zero(1.0, 100), |cosine, row| {
-                row.extend([roughness, cosine])
+                row.extend([roughness, cosine]);
             }),
         ));
     }

@@ -71,7 +71,7 @@ const LINES: [(f32, f32); 6] = [
     (0.3, 0.97),
     (2.0, -0.4),
     (1.5, 0.999),
-    (-0.785_398_2, -1.2),
+    (-std::f32::consts::FRAC_PI_4, -1.2),
 ];
 /// Visibility on both sides, as stored: 1 and 51/255.
 const SIDES: [f32; 2] = [1.0, 0.2];

@@ -216,7 +216,7 @@ pub fn check(row: &Row, output: &[f32]) -> Vec<Verdict> {
                     assert!(truth.is_finite(), "{}: the oracle at {input:?}", row.name);
                     error = error.max(off.abs());
                     share = share.max(off.abs() / allowed);
-                    if !(off.abs() <= allowed) {
+                    if off.is_nan() || off.abs() > allowed {
                         say(format!("error {off:e}, {allowed:e} allowed"));
                     }
                 }
@@ -225,7 +225,7 @@ pub fn check(row: &Row, output: &[f32]) -> Vec<Verdict> {
                     let allowed = sweep.jump.of(truth.abs().max(truths[column].abs()));
                     if is_asked && allowed.is_finite() {
                         share = share.max(step / allowed);
-                        if !(step <= allowed) {
+                        if step.is_nan() || step > allowed {
                             say(format!("jump of the error {step:e}, {allowed:e} allowed"));
                         }
                     }

@@ -78,7 +78,7 @@ fn cone() -> Row {
                 relative: 4e-6,
             },
             samples(&sharpnesses(), |sharpness, row| {
-                row.extend([sharpness, energy])
+                row.extend([sharpness, energy]);
             }),
         ));
     }
@@ -90,7 +90,7 @@ fn cone() -> Row {
                 relative: 4e-6,
             },
             samples(&steps(0.0, 0.99, 300), |energy, row| {
-                row.extend([sharpness, energy])
+                row.extend([sharpness, energy]);
             }),
         ));
     }
@@ -483,7 +483,7 @@ fn surface() -> Row {
             format!("no normal, face {face}"),
             ANY,
             samples(&odd, |normal, row| {
-                push(1e30, Vec3::splat(1e30), normal, face, row)
+                push(1e30, Vec3::splat(1e30), normal, face, row);
             }),
         ));
     }

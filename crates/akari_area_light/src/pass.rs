@@ -45,7 +45,7 @@ pub fn area_light_cull(
         pass.dispatch_workgroups(lights.tiles.x, lights.tiles.y, 1);
     }
     span.end(encoder);
-    ledger.count_pass(CULL_LABEL);
+    ledger.count_dispatch(CULL_LABEL, [lights.tiles.x, lights.tiles.y, 1]);
 }
 
 /// Adds the light of all area lights to the HDR target, between Bevy's deferred lighting and the forward materials.

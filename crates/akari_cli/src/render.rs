@@ -21,6 +21,7 @@ use bevy_akari::headless::{Headless, HeadlessOptions};
 use bevy_akari::prelude::*;
 use bevy_akari::render::census::Census;
 use bevy_akari::render::demand::Demand;
+use bevy_akari::render::faults::CountFaults;
 use bevy_akari::render::guides::NeedsGuides;
 use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari::visibility::bake::Bake;
@@ -264,6 +265,13 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     }
     write_picture(&args.out, &image, args.exposure)?;
     if let Some(path) = &args.stats {
+        // After the frames that are timed and drawn. Counts arrive a frame late; what was held for them goes again.
+        let world = headless.app.world_mut();
+        world.insert_resource(CountFaults(true));
+        headless.step_until_ready()?;
+        let world = headless.app.world_mut();
+        world.insert_resource(CountFaults(false));
+        headless.step()?;
         let executions = passes_after
             .iter()
             .map(|(name, count)| (*name, count - passes_before.get(name).copied().unwrap_or(0)))
@@ -308,6 +316,7 @@ pub fn headless_options(common: &Common) -> HeadlessOptions {
         } else {
             bevy::log::Level::WARN
         },
+        ..HeadlessOptions::default()
     }
 }
 

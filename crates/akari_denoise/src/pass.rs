@@ -125,7 +125,14 @@ impl Frame<'_> {
             }
         };
         if done {
-            ledger.count_pass(prepared.label);
+            let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+            match &prepared.work {
+                Work::Pixels(_) => {
+                    ledger.count_dispatch(prepared.label, [groups.x, groups.y, 1]);
+                }
+                Work::Single(_) => ledger.count_dispatch(prepared.label, [1; 3]),
+                Work::Draw(..) | Work::Listed(..) => ledger.count_pass(prepared.label),
+            }
         }
     }
 

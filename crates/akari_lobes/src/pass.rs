@@ -50,7 +50,8 @@ pub fn filter_roughness(
         pass.dispatch_workgroups(groups.x, groups.y, 1);
     }
     span.end(encoder);
-    ledger.count_pass(FILTER_ROUGHNESS_LABEL);
+    let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+    ledger.count_dispatch(FILTER_ROUGHNESS_LABEL, [groups.x, groups.y, 1]);
 
     let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(STORE_ROUGHNESS_LABEL),
@@ -103,5 +104,6 @@ pub fn build_lobes(
         pass.dispatch_workgroups(groups.x, groups.y, 1);
     }
     span.end(encoder);
-    ledger.count_pass(BUILD_LABEL);
+    let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+    ledger.count_dispatch(BUILD_LABEL, [groups.x, groups.y, 1]);
 }

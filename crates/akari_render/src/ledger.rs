@@ -27,6 +27,7 @@ pub(crate) fn extract_collect_counters(
 #[derive(Default)]
 struct Entries {
     passes: BTreeMap<&'static str, u64>,
+    dispatches: BTreeMap<&'static str, [u32; 3]>,
     bytes: BTreeMap<(&'static str, String), u64>,
     counters: BTreeMap<&'static str, u64>,
 }
@@ -42,6 +43,18 @@ impl GpuLedger {
     /// Counts one execution of the pass `label`.
     pub fn count_pass(&self, label: &'static str) {
         *self.entries().passes.entry(label).or_default() += 1;
+    }
+
+    /// Counts one execution of the compute pass `label`, of so many workgroups.
+    pub fn count_dispatch(&self, label: &'static str, workgroups: [u32; 3]) {
+        self.count_pass(label);
+        self.entries().dispatches.insert(label, workgroups);
+    }
+
+    /// Workgroups of the latest execution of each compute pass that tells them. Of those whose size the GPU decides
+    /// nobody tells.
+    pub fn dispatches(&self) -> BTreeMap<&'static str, [u32; 3]> {
+        self.entries().dispatches.clone()
     }
 
     /// How often each pass ran since the start, by label.

@@ -9,6 +9,7 @@
 //! | [`emission`] | which emissive meshes an area light stands for |
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
 //! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
+//! | [`faults`] | counts of pixels that are no numbers, by pass: for debugging |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
 //! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
 //! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
@@ -25,6 +26,7 @@ pub mod capture;
 pub mod census;
 pub mod demand;
 pub mod emission;
+pub mod faults;
 pub mod guides;
 pub mod ledger;
 pub mod quality;
@@ -78,6 +80,7 @@ impl Plugin for AkariRenderPlugin {
         shaders::register_math_shaders(app);
         capture::build(app);
         signals::build(app);
+        faults::build(app);
         if let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) {
             render_app
                 .insert_resource(ledger)

@@ -20,12 +20,23 @@ fn capture() -> Entry {
     }
 }
 
+fn faults() -> Entry {
+    Entry {
+        file: "faults.wgsl",
+        source: include_str!("../src/faults.wgsl"),
+        entry_point: "count",
+        definitions: choices(&[]),
+    }
+}
+
 #[test]
 fn every_shader_is_valid() {
-    let capture = capture();
-    let mut composer = Composer::new(LIBRARIES, &[&capture]);
-    if let Err(error) = composer.compose_all(&capture) {
-        panic!("{error}");
+    let (capture, faults) = (capture(), faults());
+    let mut composer = Composer::new(LIBRARIES, &[&capture, &faults]);
+    for entry in [&capture, &faults] {
+        if let Err(error) = composer.compose_all(entry) {
+            panic!("{error}");
+        }
     }
     let other_name = Entry {
         entry_point: "release",
@@ -47,10 +58,12 @@ fn every_shader_is_valid() {
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    assert_eq!(list_faults(&source, &[&capture()], LIBRARIES), [""; 0]);
-    assert!(!list_faults(&source, &[&capture()], &[]).is_empty());
+    let (capture, faults) = (capture(), faults());
+    let entries = [&capture, &faults];
+    assert_eq!(list_faults(&source, &entries, LIBRARIES), [""; 0]);
+    assert!(!list_faults(&source, &entries, &[]).is_empty());
     let with_definition = [("gbuffer.wgsl", "#ifdef UNKNOWN\n#endif")];
-    assert!(!list_faults(&source, &[&capture()], &with_definition).is_empty());
+    assert!(!list_faults(&source, &entries, &with_definition).is_empty());
 }
 
 #[test]
@@ -154,7 +167,7 @@ fn every_shader_of_every_crate_is_tested() {
     // This file includes its crate's shaders.
     let own = included(&here.join("tests"));
     let source = here.join("src");
-    let expected = ["capture.wgsl", "gbuffer.wgsl"].map(|file| source.join(file));
+    let expected = ["capture.wgsl", "faults.wgsl", "gbuffer.wgsl"].map(|file| source.join(file));
     assert_eq!(own, BTreeSet::from(expected));
 }
 

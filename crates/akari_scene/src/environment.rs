@@ -130,18 +130,22 @@ impl Environment {
 }
 
 fn decode_hdr(path: &Path, bytes: &[u8]) -> Result<RgbImage, SceneError> {
-    let bad = |e: image::ImageError| {
+    let bad = |problem: String| {
         SceneError::invalid(
             path,
             "Radiance HDR image",
-            format!("cannot be decoded ({e})"),
+            problem,
             "write it again as .hdr or .exr",
         )
     };
-    let mut reader =
-        image::ImageReader::with_format(std::io::Cursor::new(bytes), image::ImageFormat::Hdr);
+    let undecodable = |e: image::ImageError| bad(format!("cannot be decoded ({e})"));
+    let reader =
+        || image::ImageReader::with_format(std::io::Cursor::new(bytes), image::ImageFormat::Hdr);
+    let (width, height) = reader().into_dimensions().map_err(undecodable)?;
+    crate::load::check_claim(width, height, bytes.len()).map_err(bad)?;
+    let mut reader = reader();
     reader.limits(crate::load::image_limits());
-    let decoded = reader.decode().map_err(bad)?.into_rgb32f();
+    let decoded = reader.decode().map_err(undecodable)?.into_rgb32f();
     Ok(RgbImage {
         width: decoded.width(),
         height: decoded.height(),

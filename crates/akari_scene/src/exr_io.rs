@@ -15,6 +15,9 @@ use crate::write_atomic;
 /// Most pixels of an image that is read: a header that claims more is taken for damage, not for a plan.
 const MAX_PIXELS: usize = 1 << 28;
 
+/// Most pixels for each byte of a file: deflate's best ratio, of the encodings that are read the best one.
+const MOST_PIXELS_PER_BYTE: usize = 1032;
+
 /// A linear RGB image, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RgbImage {
@@ -84,6 +87,17 @@ pub fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, SceneError> {
             return Err(bad(format!(
                 "claims {} x {} pixels (at most {MAX_PIXELS} in all are read)",
                 size.0, size.1
+            )));
+        }
+    }
+    for header in &meta.headers {
+        let size = header.layer_size;
+        if size.0 * size.1 / MOST_PIXELS_PER_BYTE > bytes.len() {
+            return Err(bad(format!(
+                "claims {} x {} pixels, which {} bytes cannot hold",
+                size.0,
+                size.1,
+                bytes.len()
             )));
         }
     }

@@ -6,7 +6,9 @@ use crate::settings::VoxelGi;
 use crate::surfaces::{is_emissive, is_voxelized};
 use crate::types::{COUNTER_NAMES, POOL_HEADER};
 use akari_render::emission::ShinesAsAreaLight;
+use akari_render::guides::NeedsGuides;
 use akari_render::prelude::*;
+use akari_render::signals::MakesSignals;
 use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight, RectLight};
 use bevy::prelude::*;
 use bevy::render::render_resource::{
@@ -33,7 +35,9 @@ pub fn build(app: &mut App) {
         PostUpdate,
         (
             (count_meshes, count_lights_and_cameras).in_set(AkariSystems::Census),
-            record_demand.in_set(AkariSystems::Demand),
+            (record_demand, want_signals)
+                .chain()
+                .in_set(AkariSystems::Demand),
         ),
     );
 }
@@ -168,6 +172,30 @@ fn set(census: &mut ResMut<Census>, name: &'static str, count: u32) {
 fn record_demand(census: Res<Census>, mut report: ResMut<EffectReport>) {
     if census.is_changed() || report.get(EFFECT).is_none() {
         report.record(EFFECT, demand(&census));
+    }
+}
+
+/// The signals of this camera are those of voxels: nobody else asked for them.
+#[derive(Component)]
+struct SignalsOfVoxels;
+
+/// A camera makes signals while there is light to gather; else nobody needs its lobes and its guides.
+fn want_signals(
+    mut commands: Commands,
+    report: Res<EffectReport>,
+    cameras: Query<(Entity, Has<MakesSignals>, Has<SignalsOfVoxels>), With<VoxelGi>>,
+) {
+    let wanted = report.is_active(EFFECT);
+    for (camera, makes, ours) in &cameras {
+        if wanted && !makes {
+            commands
+                .entity(camera)
+                .insert((MakesSignals, SignalsOfVoxels));
+        } else if !wanted && ours {
+            commands
+                .entity(camera)
+                .remove::<(MakesSignals, NeedsGuides, SignalsOfVoxels)>();
+        }
     }
 }
 

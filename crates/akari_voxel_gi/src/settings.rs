@@ -3,7 +3,7 @@
 use crate::clipmap::ClipmapShape;
 use crate::types::MOST_PAGES;
 use akari_render::prelude::*;
-use akari_render::signals::{MakesSignals, stop_signals};
+use akari_render::signals::stop_signals;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// one's settings of space and memory.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[require(AkariCamera, MakesSignals)]
+#[require(AkariCamera)]
 #[component(on_remove = stop_signals)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelGi {

@@ -35,6 +35,9 @@ pub struct HeadlessOptions {
     pub adapter: Option<String>,
     /// Lowest level of messages that are printed to standard error.
     pub log_level: Level,
+    /// Whether the effects are there at all: without [`AkariPlugins`](crate::AkariPlugins) the app is plain Bevy, for
+    /// comparisons.
+    pub effects: bool,
 }
 
 impl Default for HeadlessOptions {
@@ -42,6 +45,7 @@ impl Default for HeadlessOptions {
         Self {
             adapter: None,
             log_level: Level::WARN,
+            effects: true,
         }
     }
 }
@@ -237,18 +241,20 @@ impl Headless {
         #[cfg(feature = "window")]
         let plugins = plugins.disable::<bevy::winit::WinitPlugin>();
         app.add_plugins(plugins)
-            .add_plugins((
-                RenderDiagnosticsPlugin,
+            .add_plugins(RenderDiagnosticsPlugin)
+            .insert_resource(ClearColor(Color::BLACK))
+            .insert_resource(GlobalAmbientLight::NONE);
+        if options.effects {
+            app.add_plugins((
                 crate::AkariPlugins,
                 crate::resample::ResampleFromImagePlugin,
             ))
-            .insert_resource(ClearColor(Color::BLACK))
-            .insert_resource(GlobalAmbientLight::NONE)
             // Pictures must not depend on when a thread has finished.
             .insert_resource(akari_lobes::normal_maps::NormalMapFiltering {
                 inline_texels: u32::MAX,
                 ..default()
             });
+        }
         while app.plugins_state() == PluginsState::Adding {
             tick_global_task_pools_on_main_thread();
         }

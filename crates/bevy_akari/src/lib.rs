@@ -24,6 +24,8 @@
 pub mod budget;
 pub mod buffers;
 pub mod diagnostics;
+#[cfg(test)]
+mod fuzz;
 pub mod guide;
 pub mod headless;
 pub mod resample;

@@ -4,6 +4,8 @@ mod accuracy;
 mod budget;
 mod demand;
 mod denoise;
+mod elision;
+mod hard_cases;
 mod indirect;
 mod indirect_quality;
 mod indirect_views;

@@ -71,16 +71,16 @@ fn form_factor(vertices: &[Vec3], offset: Vec3) -> f32 {
 }
 
 /// A Lambert floor and a ball over it, baked.
-struct Stage {
-    headless: Headless,
-    camera: Entity,
+pub(super) struct Stage {
+    pub(super) headless: Headless,
+    pub(super) camera: Entity,
     /// Floor and ball.
     meshes: Vec<Entity>,
     bake: Bake,
 }
 
 const CAMERA: Vec3 = Vec3::new(0.0, 3.0, 4.0);
-const SIDE: u32 = 64;
+pub(super) const SIDE: u32 = 64;
 
 fn matte() -> StandardMaterial {
     StandardMaterial {
@@ -108,7 +108,7 @@ fn arrays(mesh: &Mesh) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 impl Stage {
-    fn new(test: &str) -> Option<Self> {
+    pub(super) fn new(test: &str) -> Option<Self> {
         let mut headless = headless_or_skip(test)?;
         let meshes = spawn_floor_and_ball(&mut headless, matte());
         let camera = spawn_camera(&mut headless, SIDE, CAMERA);
@@ -156,7 +156,7 @@ impl Stage {
         })
     }
 
-    fn give_bake(&mut self) -> Entity {
+    pub(super) fn give_bake(&mut self) -> Entity {
         let world = self.headless.app.world_mut();
         let handle = world
             .resource_mut::<Assets<VisibilityBake>>()

@@ -398,4 +398,111 @@ mod tests {
         let black = RgbImage::filled(4, 4, [0.0; 3]);
         assert_eq!(flicker(&black, &black), 0.0);
     }
+
+    fn a_part() -> serde_json::Value {
+        let ms = serde_json::json!({"median": 2.0, "p99": 3.0, "frames": 24});
+        let error = serde_json::json!({
+            "rmse": 0.1, "rel_rmse": 0.01, "rel_mse": 1e-4, "mape": 0.02, "bias": -1e-3, "flip_mean": 0.01,
+            "flip_p99": 0.1, "max_abs": 1.0, "non_finite": 0
+        });
+        let point = |label: &str| {
+            serde_json::json!({
+                "label": label, "preset": "high", "knob": null, "settings": {"levels": 3.0}, "error": error,
+                "flicker": 0.0, "gpu_ms": ms, "frame_ms": ms, "gpu_bytes": 4096, "passes": ["akari_denoise_filter"],
+                "on_front": true
+            })
+        };
+        serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "scope": {"size": 64, "spp": 16, "rounds": 3, "steps": 2, "face_size": 32},
+            "device": {"adapter": "a", "kind": "b", "backend": "c", "driver": "d"},
+            "scene": scene_state(Path::new("no such scene")),
+            "curve": {
+                "effect": "denoise", "scene": "s", "what": "w", "size": [64, 64],
+                "reference": {"spp": 16, "max_depth": 4, "noise": 0.01}, "points": [point("high"), point("levels = 3")]
+            }
+        })
+    }
+
+    fn pointers(value: &serde_json::Value, path: &str, all: &mut Vec<String>) {
+        all.push(path.to_owned());
+        if let Some(items) = value.as_array() {
+            for (i, item) in items.iter().enumerate() {
+                pointers(item, &format!("{path}/{i}"), all);
+            }
+        }
+        if let Some(members) = value.as_object() {
+            for (key, member) in members {
+                pointers(member, &format!("{path}/{key}"), all);
+            }
+        }
+    }
+
+    /// Parts of an earlier run that something has changed: measured again, or drawn without a panic.
+    #[test]
+    fn changed_parts_do_no_harm() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let whole = a_part();
+        let (mut drawn, mut refused) = (0, 0);
+        let mut check = |text: &str| match serde_json::from_str::<Part>(text) {
+            Ok(mut part) => {
+                mark_front(&mut part.curve.points);
+                let markup = plot::scatter(&part.curve);
+                // A coordinate that is no number; figures in words may be.
+                for wrong in ["=\"NaN", "=\"inf", "NaN,", ",NaN", "inf,", ",inf"] {
+                    assert!(!markup.contains(wrong), "{text}: {markup}");
+                }
+                assert!(markup.len() < 1 << 20, "{text}: {} bytes", markup.len());
+                // Without its pictures a page is an error that says so, and none with them would panic.
+                let report = Report {
+                    schema: 1,
+                    version: part.version,
+                    quick: true,
+                    device: part.device,
+                    curves: vec![part.curve],
+                };
+                let _ = summary(&report, folder.path());
+                assert!(page::page(&report, folder.path()).is_err());
+                drawn += 1;
+            }
+            Err(_) => refused += 1,
+        };
+        let text = whole.to_string();
+        check(&text);
+        for (length, _) in text.char_indices() {
+            check(&text[..length]);
+        }
+        let mut all = Vec::new();
+        pointers(&whole, "", &mut all);
+        for path in &all {
+            for other in [
+                "null",
+                "0",
+                "-1",
+                "-0.0",
+                "1e308",
+                "-1e308",
+                "5e-324",
+                "1e999",
+                "18446744073709551615",
+                "0.5",
+                "[]",
+                "{}",
+                "[0,0]",
+                "\"\"",
+                "\"</script><b>\"",
+                "true",
+            ] {
+                let mut changed = whole.clone();
+                let marker = "@@marker@@";
+                *changed.pointer_mut(path).expect("a path of it") = marker.into();
+                check(&changed.to_string().replace(&format!("\"{marker}\""), other));
+            }
+        }
+        for open in ["[", "{\"curve\":"] {
+            check(&open.repeat(100_000));
+        }
+        println!("{drawn} drawn, {refused} measured again");
+        assert!(drawn > 100 && refused > 100);
+    }
 }

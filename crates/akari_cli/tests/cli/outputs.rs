@@ -182,6 +182,10 @@ fn renders_are_repeatable_quiet_and_accounted_for() {
     assert!(frames >= 1.0);
     assert_eq!(stats["lights"]["area"], 1, "{stats}");
     assert_eq!(stats["non_finite_pixels"], 0, "{stats}");
+    for what in ["non-finite", "clamped"] {
+        let counted = &stats["counters"][format!("area lights: {what} pixels added")];
+        assert_eq!(*counted, 0, "{what}: {stats}");
+    }
     assert!(
         number(&stats["frame_ms"]["min"]) > 0.0
             && number(&stats["frame_ms"]["median"]) >= number(&stats["frame_ms"]["min"])

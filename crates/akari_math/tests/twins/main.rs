@@ -6,6 +6,7 @@ mod footprints;
 mod ggx;
 mod hard_classes;
 mod harness;
+mod invariants;
 mod layout;
 mod light_image;
 mod lookup;

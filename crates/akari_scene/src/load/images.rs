@@ -21,6 +21,20 @@ pub(crate) fn image_limits() -> image::Limits {
     limits
 }
 
+/// Most pixels for each byte of a file: deflate's best ratio (1032) of pixels of one bit.
+const MOST_PIXELS_PER_BYTE: u64 = 8 * 1032;
+
+/// Tells of a header that claims more pixels than its file can hold, before anything is allocated for them.
+pub(crate) fn check_claim(width: u32, height: u32, file_bytes: usize) -> Result<(), String> {
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels / MOST_PIXELS_PER_BYTE > file_bytes as u64 {
+        return Err(format!(
+            "claims {width} x {height} pixels, which {file_bytes} bytes cannot hold"
+        ));
+    }
+    Ok(())
+}
+
 /// Decodes one image that `place` (a material's texture) uses.
 pub(super) fn decode(
     loader: &Loader,
@@ -42,6 +56,10 @@ pub(super) fn decode(
         )));
     }
     reader.limits(image_limits());
+    // Without a size, decoding tells what is wrong.
+    if let Ok((width, height)) = image_size(&bytes) {
+        check_claim(width, height, bytes.len()).map_err(&bad)?;
+    }
     let decoded = reader
         .decode()
         .map_err(|e| bad(format!("cannot be decoded ({e})")))?;
@@ -67,6 +85,12 @@ pub(super) fn decode(
         height,
         pixels,
     })
+}
+
+/// Width and height by the header.
+fn image_size(bytes: &[u8]) -> Result<(u32, u32), image::ImageError> {
+    let reader = ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format()?;
+    reader.into_dimensions()
 }
 
 pub(super) fn wrap(mode: WrappingMode) -> Wrap {

@@ -16,7 +16,7 @@ use gltf::json;
 use crate::error::SceneError;
 use crate::types::Scene;
 
-pub(crate) use images::image_limits;
+pub(crate) use images::{check_claim, image_limits};
 
 /// Extensions that are honoured, whether or not the `gltf` crate knows them.
 const HONOURED: [&str; 9] = [
@@ -94,6 +94,7 @@ impl Scene {
 fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>), SceneError> {
     let damaged = "export it again (the file is damaged or no glTF 2.0)";
     let (text, blob) = if bytes.starts_with(b"glTF") {
+        check_glb_length(path, bytes, damaged)?;
         let glb = gltf::Glb::from_slice(bytes).map_err(|e| {
             SceneError::invalid(
                 path,
@@ -148,6 +149,24 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
         other => SceneError::invalid(path, "glTF structure", other.to_string(), damaged),
     })?;
     Ok((document, blob))
+}
+
+/// Checks the length in the header of a `.glb`, from which the `gltf` crate (1.4.1) takes that of the header without a look.
+fn check_glb_length(path: &Path, bytes: &[u8], advice: &str) -> Result<(), SceneError> {
+    /// Magic, version, length.
+    const HEADER: u32 = 12;
+    let length = bytes.get(8..12).and_then(|word| word.try_into().ok());
+    match length.map(u32::from_le_bytes) {
+        // What is cut off before it is told by the crate.
+        None => Ok(()),
+        Some(length) if length >= HEADER => Ok(()),
+        Some(length) => Err(SceneError::invalid(
+            path,
+            "GLB container",
+            format!("claims a length of {length} bytes, less than its own header's {HEADER}"),
+            advice,
+        )),
+    }
 }
 
 /// Checks the one index that the `gltf` crate uses before it validates it (1.4.1: a primitive's POSITION accessor,

@@ -68,7 +68,11 @@ pub fn parse(text: &str) -> Result<Vec<Ladder>, LadderError> {
                 rung: i,
                 problem,
             };
-            if !(rung.cost > 0.0 && rung.cost.is_finite() && rung.error >= 0.0) {
+            let is_sound = rung.cost > 0.0
+                && rung.cost.is_finite()
+                && rung.error >= 0.0
+                && rung.error.is_finite();
+            if !is_sound {
                 return Err(fault("cost and error must be positive numbers".to_owned()));
             }
             rung.apply(&ladder.effect, &mut AkariSettings::default())

@@ -103,7 +103,7 @@ fn measure(setting: Setting, direct: &RgbImage, truths: &[Light; 2]) -> (Measure
     let light = difference(&image, direct);
     let (bias, error) = bias_and_error(&light, &truths[usize::from(feedback)], |_| true);
     let time = |pass: &str| {
-        let ms = &stats["passes"][format!("akari_voxel_gi_{pass}")]["gpu_ms"]["median"];
+        let ms = &stats["passes"][format!("akari_voxel_gi_{pass}")]["gpu_ms"]["min"];
         ms.as_f64().unwrap_or(0.0)
     };
     let measured = Measured {
@@ -180,8 +180,8 @@ fn main() {
         Indirect light of the Cornell box with a metal block, {SIDE} × {SIDE} pixels, after {FRAMES} frames, against {SPP}\n\
         paths a pixel. With one bounce it is held against paths of one bounce. Caustics of the block are missing from ours\n\
         and are most of the error. The first cascade is {EXTENT} m wide around the camera, which stands before the box: most\n\
-        of the room is in the second. All other settings are those of the preset `high`. Times are medians of a frame's\n\
-        spans, ms, on {name}: inject and gather, which take all voxels whatever changed, and the cones of a quarter of the\n\
+        of the room is in the second. All other settings are those of the preset `high`. Times are the shortest of\n\
+        the frames' spans, ms, on {name}: inject and gather, which light voxels, and the cones of a quarter of the\n\
         pixels.\n\n\
         | | setting | relative RMSE | bias | lighting of voxels | cones |\n|---|---|---|---|---|---|\n{rows}\n\
         ![error against time](error_time.svg)\n"

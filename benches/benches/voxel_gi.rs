@@ -107,13 +107,19 @@ fn measure(setting: Setting, direct: &RgbImage, truths: &[Light; 2]) -> (Measure
         ms.as_f64().unwrap_or(0.0)
     };
     let measured = Measured {
-        name: format!("{cones} cones, {resolution}³ × {cascades}"),
+        name: format!("cones {cones}, {resolution}³ × {cascades}"),
         bias,
         error,
         lighting: time("inject") + time("gather"),
         cones: time("cones"),
     };
-    let adapter = stats["adapter"].as_str().unwrap_or_default().to_owned();
+    // Without the driver.
+    let adapter = stats["adapter"].as_str().unwrap_or_default();
+    let adapter = adapter
+        .split(" (Mesa")
+        .next()
+        .unwrap_or_default()
+        .to_owned();
     (measured, adapter)
 }
 
@@ -181,8 +187,8 @@ fn main() {
         paths a pixel. With one bounce it is held against paths of one bounce. Caustics of the block are missing from ours\n\
         and are most of the error. The first cascade is {EXTENT} m wide around the camera, which stands before the box: most\n\
         of the room is in the second. All other settings are those of the preset `high`. Times are the shortest of\n\
-        the frames' spans, ms, on {name}: inject and gather, which light voxels, and the cones of a quarter of the\n\
-        pixels.\n\n\
+        the frames' spans, ms, on {name}: inject and gather, which light voxels, and the cones of a\n\
+        quarter of the pixels. The base setting is in three groups: its times tell how far times of the same work scatter.\n\n\
         | | setting | relative RMSE | bias | lighting of voxels | cones |\n|---|---|---|---|---|---|\n{rows}\n\
         ![error against time](error_time.svg)\n"
     );

@@ -51,7 +51,7 @@ fn cones_of_every_scale_are_right_and_steady() {
     // Per scale: what errors may be at most, of matte and of glossy surfaces, and flicker. Most of the error of matte ones
     // are caustics of the block, which voxels do not have.
     for (scale, most_matte, most_glossy, most_flicker) in
-        [(1, 0.50, 0.30, 0.05), (4, 0.55, 0.30, 0.06)]
+        [(2, 0.50, 0.30, 0.05), (4, 0.55, 0.30, 0.06)]
     {
         room.set(VoxelGi { scale, ..settings });
         room.step(16);

@@ -321,7 +321,7 @@ fn read_keys(
 fn apply_controls(
     controls: Res<GiControls>,
     scene: Res<GiScene>,
-    cameras: Query<Entity, With<Orbit>>,
+    mut cameras: Query<(Entity, &mut ColorGrading), With<Orbit>>,
     mut commands: Commands,
 ) {
     if !controls.is_changed() {
@@ -329,7 +329,12 @@ fn apply_controls(
     }
     let settings = AkariSettings::preset(controls.quality);
     commands.queue(move |world: &mut World| settings.apply(world));
-    for camera in &cameras {
+    for (camera, mut grading) in &mut cameras {
+        // What is no light is not brightened.
+        grading.global.exposure = match controls.view {
+            None | Some(VoxelGiDebugView::Radiance | VoxelGiDebugView::Leaks) => scene.stops,
+            Some(_) => 0.0,
+        };
         let mut camera = commands.entity(camera);
         if controls.direct_only {
             camera.remove::<VoxelGi>();

@@ -49,12 +49,14 @@ fn cones_of_every_scale_are_right_and_steady() {
         |i: usize| surfaces.depth[i] > 0.0 && !glossy(i) && surfaces.emission[i] == [0.0; 3];
     let truth = room.truth.clone();
     // Per scale: what errors may be at most, of matte and of glossy surfaces, and flicker. Most of the error of matte ones
-    // are caustics of the block, which voxels do not have.
+    // are caustics of the block, which voxels do not have. At a sixteenth of the pixels flicker is 2 to 11 %, by where in
+    // the cycle of sixteen pixels a frame is.
     for (scale, most_matte, most_glossy, most_flicker) in
-        [(1, 0.50, 0.30, 0.05), (4, 0.55, 0.30, 0.06)]
+        [(2, 0.50, 0.33, 0.05), (4, 0.55, 0.33, 0.15)]
     {
         room.set(VoxelGi { scale, ..settings });
-        room.step(16);
+        // Twice through all pixels of a block, so that each has a sample of its own.
+        room.step(8 + 2 * scale * scale);
         let light = room.indirect();
         let (matte_bias, matte_error) = bias_and_error(&light, &truth, matte);
         let (glossy_bias, glossy_error) = bias_and_error(&light, &truth, glossy);
@@ -70,7 +72,7 @@ fn cones_of_every_scale_are_right_and_steady() {
         );
         assert!(matte_bias.abs() < 0.08, "scale {scale}: bias {matte_bias}");
         assert!(
-            glossy_bias.abs() < 0.12,
+            glossy_bias.abs() < 0.14,
             "scale {scale}: bias {glossy_bias}"
         );
         assert!(matte_error < most_matte, "scale {scale}: {matte_error}");
@@ -92,7 +94,8 @@ fn cones_of_every_scale_are_right_and_steady() {
     room.step(2);
     let frames: Vec<Light> = (0..4).map(|_| room.indirect()).collect();
     let restless = flicker(&frames);
-    assert!(restless > 0.12, "without history: {restless}");
+    println!("flicker without history {:.1} %", 100.0 * restless);
+    assert!(restless > 0.15, "without history: {restless}");
     let (_, error) = bias_and_error(&frames[0], &truth, glossy);
     assert!(error > 0.9, "without specular cones: {error}");
     let flat = vec![[0.1; 3]; truth.len()];

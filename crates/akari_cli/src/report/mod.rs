@@ -43,6 +43,8 @@ pub struct Scope {
     face_size: u32,
     /// Frames of one sample a pixel that the denoiser is given.
     history_frames: u32,
+    /// Frames after which indirect light is compared: bounces add up from frame to frame, and samples.
+    bounce_frames: u32,
     /// Whether knobs that show least are left as they are.
     quick: bool,
 }
@@ -57,6 +59,7 @@ impl Scope {
                 steps: 3,
                 face_size: 32,
                 history_frames: 4,
+                bounce_frames: 14,
                 quick: true,
             }
         } else {
@@ -67,6 +70,7 @@ impl Scope {
                 steps: 6,
                 face_size: 64,
                 history_frames: 16,
+                bounce_frames: 32,
                 quick: false,
             }
         };
@@ -216,6 +220,9 @@ fn measured_before(
     (same && pictures).then_some(part)
 }
 
+/// Timed frames of each setting of voxel GI in a quick report.
+const QUICK_VOXEL_ROUNDS: u32 = 2;
+
 fn measure(
     subject: &Subject,
     scope: Scope,
@@ -233,14 +240,19 @@ fn measure(
     for (i, variant) in variants.iter().enumerate() {
         check_interrupt()?;
         reporter.show_phase("errors", i as u64, variants.len() as u64, None);
-        let (point, picture) = draw(&mut stage, variant)?;
+        let (point, picture) = draw(&mut stage, variant, scope)?;
         if i == 0 {
             // The default comes first: it is the one that is shown.
             write_pictures(parts, subject, &picture, &stage.truth)?;
         }
         points.push(point);
     }
-    time(&mut stage, &variants, &mut points, scope.rounds, &reporter)?;
+    // Voxels are made anew for many of its settings: rounds are dear.
+    let rounds = match subject.effect {
+        "voxel_gi" if scope.quick => scope.rounds.min(QUICK_VOXEL_ROUNDS),
+        _ => scope.rounds,
+    };
+    time(&mut stage, &variants, &mut points, rounds, &reporter)?;
     reporter.finish();
     mark_front(&mut points);
     let part = Part {
@@ -263,10 +275,10 @@ fn measure(
 }
 
 /// Everything about a setting but its times.
-fn draw(stage: &mut Stage, variant: &Variant) -> Result<(Point, RgbImage), CliError> {
+fn draw(stage: &mut Stage, variant: &Variant, scope: Scope) -> Result<(Point, RgbImage), CliError> {
     stage.apply(variant)?;
     let passes = stage.passes()?;
-    stage.converge()?;
+    stage.converge(scope.bounce_frames)?;
     let picture = stage.picture()?;
     let next = stage.picture()?;
     let error = compare(&picture, &stage.truth, None)

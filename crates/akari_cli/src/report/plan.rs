@@ -63,7 +63,7 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
-        ("voxel_gi", true) => &["cornell", "corridor"],
+        ("voxel_gi", true) => &["cornell"],
         ("voxel_gi", false) => &["cornell", "furnace", "corridor", "glossy_hall"],
         (_, true) => &["roughness_map", "cornell"],
         (_, false) => &[
@@ -146,6 +146,7 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
             "history",
             "light_rays",
             "aperture",
+            "voxel_size",
         ],
         ("voxel_gi", false) => &["pages", "bricks_per_frame"],
         // The denoiser is given every pixel: nothing is upsampled.
@@ -154,14 +155,16 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
     }
 }
 
-/// Values of a knob that has few, not evenly apart; others count as one of these.
-fn values_of(effect: &str, knob: &str) -> Option<&'static [f32]> {
-    match (effect, knob) {
-        ("voxel_gi", "cones" | "gather_cones") => Some(&[1.0, 5.0, 9.0, 16.0]),
-        ("voxel_gi", "resolution") => Some(&[32.0, 64.0, 128.0, 256.0]),
-        ("voxel_gi", "scale") => Some(&[1.0, 2.0, 4.0]),
-        // Below and above, a scene's size makes the difference.
-        ("voxel_gi", "voxel_size") => Some(&[0.03125, 0.0625, 0.125, 0.25]),
+/// Values of a knob that has few, not evenly apart, or whose steps are dear.
+fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
+    match (effect, knob, quick) {
+        ("voxel_gi", "cones" | "gather_cones", _) => Some(&[1.0, 5.0, 9.0, 16.0]),
+        ("voxel_gi", "scale", _) => Some(&[1.0, 2.0, 4.0]),
+        ("voxel_gi", "resolution", true) => Some(&[64.0, 128.0]),
+        ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
+        ("voxel_gi", "cascades", true) => Some(&[2.0, 3.0]),
+        ("voxel_gi", "specular_cones", true) => Some(&[0.0, 1.0]),
+        ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
         _ => None,
     }
 }
@@ -199,7 +202,7 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
         if owner != effect || left_out(effect, scope.quick).contains(&knob.name) {
             continue;
         }
-        let tried = values_of(effect, knob.name)
+        let tried = values_of(effect, knob.name, scope.quick)
             .map_or_else(|| steps(&knob, current, scope.steps), <[f32]>::to_vec);
         for value in tried {
             let mut settings = high;
@@ -286,6 +289,7 @@ mod tests {
         steps: 4,
         face_size: 16,
         history_frames: 2,
+        bounce_frames: 4,
         quick: true,
     };
 

@@ -29,8 +29,6 @@ const SETTLING_FRAMES: u32 = 2;
 
 /// Frames after a change of settings before one of voxel GI is timed: all bricks have been made by then.
 const VOXEL_FRAMES: u32 = 6;
-/// Frames after which indirect light is compared: bounces have added up, samples, too.
-const BOUNCE_FRAMES: u32 = 32;
 /// Longest path of references of indirect light: what is left is below a thousandth.
 const ALL_BOUNCES: u32 = 16;
 
@@ -315,15 +313,15 @@ impl Stage {
         Ok(())
     }
 
-    /// Draws frames until the picture stands for what the settings lead to.
+    /// Draws `frames` if indirect light adds up over them; else nothing has to.
     ///
     /// # Errors
     /// If the GPU refused a command, or the user stopped it.
-    pub fn converge(&mut self) -> Result<(), CliError> {
+    pub fn converge(&mut self, bounce_frames: u32) -> Result<(), CliError> {
         let frames = match &mut self.drawing {
             Drawing::Scene { without, .. } => {
                 if without.is_some() {
-                    BOUNCE_FRAMES
+                    bounce_frames
                 } else {
                     0
                 }

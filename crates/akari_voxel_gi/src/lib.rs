@@ -13,7 +13,10 @@
 //!
 //! **Cost**: nothing unless a camera has [`VoxelGi`](settings::VoxelGi), a mesh is opaque and lit, and something shines.
 //! Otherwise memory of a fixed size (`GpuLedger` tells it, 36 to 44 bytes a triangle among it), and time for the bricks
-//! that changed, under a cap.
+//! that changed and for the pages whose turn it is to be lit, each under a cap.
+//!
+//! **Limits**: environment and ambient light do not enter; metals bounce diffusely in voxels, so that they throw no
+//! caustics.
 
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;

@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use bevy_akari::headless::Headless;
 use bevy_akari::prelude::*;
 use bevy_akari::voxel_gi::clipmap::ClipmapShape;
+use bevy_akari::voxel_gi::lighting::{GATHER_LABEL, INJECT_LABEL};
 use bevy_akari::voxel_gi::pipeline::{MIPS_LABEL, RELEASE_LABEL, StoreKey, VOXELIZE_LABEL};
 use bevy_akari::voxel_gi::prepare::buffer_bytes;
 use bevy_akari_tests::{headless_or_skip, light_above, spawn_camera};
@@ -144,6 +145,7 @@ fn flight() {
         resolution: 64,
         cascades: 3,
         voxel_size: 0.1,
+        pages_per_frame: 256,
         ..VoxelGi::default()
     }) else {
         return;
@@ -174,7 +176,8 @@ fn flight() {
         ));
     }
     headless.step_until_ready().expect("it renders");
-    let (mut bricks, mut times) = (Vec::new(), Vec::new());
+    let (mut bricks, mut pages) = (Vec::new(), Vec::new());
+    let (mut times, mut lighting) = (Vec::new(), Vec::new());
     for frame in 0..WARM + MEASURED {
         let place = Vec3::new(SPEED * frame as f32, 0.0, 0.0);
         let transform = Transform::from_translation(place).looking_to(Vec3::X, Vec3::Y);
@@ -188,12 +191,18 @@ fn flight() {
             bricks.push(counter(&headless, "voxel bricks made") as f64);
             let labels = [RELEASE_LABEL, VOXELIZE_LABEL, MIPS_LABEL];
             times.push(time_of(&headless, &labels));
+            pages.push(counter(&headless, "voxel pages lit") as f64);
+            lighting.push(time_of(&headless, &[INJECT_LABEL, GATHER_LABEL]));
         }
     }
-    println!("a flight of {SPEED} m a frame, three cascades of 64³, voxels of 0.1 m");
+    println!(
+        "a flight of {SPEED} m a frame, three cascades of 64³, voxels of 0.1 m, 256 pages lit a frame"
+    );
     for (what, mut values) in [
         ("bricks made, tails too", bricks),
-        ("ms of all passes", times),
+        ("pages lit", pages),
+        ("ms of voxelization", times),
+        ("ms of injection and gathering", lighting),
     ] {
         values.sort_by(f64::total_cmp);
         let (half, most) = (values[values.len() / 2], values[values.len() * 99 / 100]);

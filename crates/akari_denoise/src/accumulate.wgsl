@@ -64,8 +64,6 @@ const NEAR_SIGMA: f32 = 1.0;
 const WIDE_SIGMA: f32 = 2.5;
 // Standard errors of the mean change from which on the light has changed.
 const CHANGE_DEVIATIONS: f32 = 2.5;
-// Least standard deviation of one sample, relative to the light.
-const LEAST_RELATIVE_DEVIATION: f32 = 0.15;
 
 // What the frame before knew of a pixel.
 struct History {
@@ -235,7 +233,12 @@ fn change_excess(change: Change, variance: vec3<f32>) -> f32 {
     let count = change.weights * change.weights / max(change.weights_squared, 1e-6);
     let error = sqrt(variance / max(count - 1.0, 0.5));
     // Few samples of a light that is mostly dark look alike by chance: their variance has a floor.
-    let least = LEAST_RELATIVE_DEVIATION / sqrt(count) * change.level / change.weights;
+#ifdef DIFFUSE_SIGNAL
+    let deviation = denoise.least_deviation.y;
+#else
+    let deviation = denoise.least_deviation.x;
+#endif
+    let least = deviation / sqrt(count) * change.level / change.weights;
     let excess = mean / (CHANGE_DEVIATIONS * max(error, least) + 1e-6);
     return max(excess.x, max(excess.y, excess.z));
 }

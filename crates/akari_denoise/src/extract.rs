@@ -4,7 +4,7 @@ use crate::input::{DenoiseInput, DenoiseOutput};
 use crate::prepare::{DenoiseState, PreviousCamera, ViewDenoisePasses};
 use crate::settings::{DefaultDenoise, Denoise};
 use crate::targets::DenoiseTargets;
-use akari_render::signals::{MakesSignals, ResampleList, ViewSignals};
+use akari_render::signals::{MakesSignals, ResampleList, SAMPLE_DEVIATION, ViewSignals};
 use bevy::core_pipeline::prepass::{
     BackgroundMotionVectorsBindGroup, BackgroundMotionVectorsPipelineId,
 };
@@ -108,6 +108,7 @@ pub fn prepare_input_signals(
             scale: input.scale.pixels(),
             frame: input.frame,
             reset: input.reset,
+            deviation: Vec2::splat(SAMPLE_DEVIATION),
         });
     }
 }

@@ -309,6 +309,7 @@ fn view_uniform(
         sigma_n_squared: settings.sigma_n_squared,
         resample_below: settings.resample_below,
         signals: shape.signals,
+        least_deviation: signals.deviation,
     }
 }
 

@@ -5,7 +5,9 @@
 use crate::EFFECT;
 use crate::bindings::Bindings;
 use akari_render::prelude::*;
-use akari_render::signals::{AkariPassSystems, MakesSignals, ViewSignals, stop_signals};
+use akari_render::signals::{
+    AkariPassSystems, MakesSignals, SAMPLE_DEVIATION, ViewSignals, stop_signals,
+};
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::schedule::Core3d;
@@ -180,6 +182,7 @@ fn prepare_splits(
                 scale: 1,
                 frame: 0,
                 reset: split.reset,
+                deviation: Vec2::splat(SAMPLE_DEVIATION),
             });
         }
         if let Some(textures) = fresh {

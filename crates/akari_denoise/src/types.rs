@@ -44,6 +44,8 @@ pub struct GpuDenoiseView {
     pub resample_below: f32,
     /// Which signals there are: bit 0 specular, bit 1 diffuse.
     pub signals: u32,
+    /// Least standard deviation of a sample of the specular and of the diffuse signal, over its light.
+    pub least_deviation: Vec2,
 }
 
 /// One stage of the filter.

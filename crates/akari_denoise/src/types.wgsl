@@ -25,6 +25,7 @@ struct DenoiseView {
     sigma_n_squared: f32,
     resample_below: f32,
     signals: u32,
+    least_deviation: vec2<f32>,
 }
 
 struct DenoiseStage {

@@ -494,6 +494,7 @@ fn marked_view() -> (GpuDenoiseView, Vec<(&'static str, u32)>) {
         sigma_n_squared: 15.0,
         resample_below: 16.0,
         signals: 17,
+        least_deviation: Vec2::new(18.0, 0.0),
     };
     let fields = vec![
         ("previous_clip_from_relative", 1.0_f32.to_bits()),
@@ -513,6 +514,7 @@ fn marked_view() -> (GpuDenoiseView, Vec<(&'static str, u32)>) {
         ("sigma_n_squared", 15.0_f32.to_bits()),
         ("resample_below", 16.0_f32.to_bits()),
         ("signals", 17),
+        ("least_deviation", 18.0_f32.to_bits()),
     ];
     (view, fields)
 }

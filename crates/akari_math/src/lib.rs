@@ -110,6 +110,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         include_str!("voxel/packing.wgsl"),
     ),
     ("akari_math::voxel::slice", include_str!("voxel/slice.wgsl")),
+    (
+        "akari_math::voxel::schedule",
+        include_str!("voxel/schedule.wgsl"),
+    ),
     ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
     (
         "akari_math::voxel::coverage",

@@ -67,7 +67,14 @@ pub struct ViewSignals {
     pub frame: u32,
     /// Whether what came before has nothing to do with this frame: a camera cut.
     pub reset: bool,
+    /// How much a sample of the specular and of the diffuse signal scatters at least, as its standard deviation over
+    /// the light: [`SAMPLE_DEVIATION`] if nothing is known. Where few rays meet light, samples around a pixel may all be
+    /// dark by chance: from them alone that cannot be told from a light that went out.
+    pub deviation: Vec2,
 }
+
+/// [`ViewSignals::deviation`] of a signal of which nothing is known.
+pub const SAMPLE_DEVIATION: f32 = 0.15;
 
 /// Pixels whose samples and history together are too few to be filtered, for a producer to shade again.
 ///

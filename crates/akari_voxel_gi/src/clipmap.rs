@@ -18,6 +18,9 @@ const SPREAD_FRAMES: usize = 32;
 const AGE_FRAMES: f64 = 8.0;
 /// Bricks that are made at least while any wait.
 const LEAST_BRICKS: usize = 8;
+/// Bricks of the first tail that are made at least in a frame, of those beside which others entered or left: what they
+/// hold meanwhile is still so, or is not made yet either.
+const LEAST_TAILS: usize = 2;
 /// How far, in bricks, the camera may leave the middle before the cube follows: more than half a brick, so that it does
 /// not scroll to and fro.
 const SLACK: f64 = 0.75;
@@ -207,6 +210,8 @@ pub struct Clipmap {
     released: Vec<u32>,
     tail_released: Vec<u32>,
     tail_dirty: Vec<IVec3>,
+    /// As `tail_dirty`, but not before its turn.
+    tail_scrolled: Vec<IVec3>,
 }
 
 impl Clipmap {
@@ -226,6 +231,7 @@ impl Clipmap {
             released: Vec::new(),
             tail_released: Vec::new(),
             tail_dirty: Vec::new(),
+            tail_scrolled: Vec::new(),
         }
     }
 
@@ -333,8 +339,27 @@ impl Clipmap {
                 low: part.low.div_euclid(IVec3::splat(2)),
                 high: (part.high - 1).div_euclid(IVec3::splat(2)) + 1,
             };
-            self.tail_dirty.extend(parents.iter());
+            self.tail_scrolled.extend(parents.iter());
         }
+        let held = self.held(last + 1);
+        self.tail_scrolled.retain(|&brick| held.contains(brick));
+        self.tail_scrolled
+            .sort_unstable_by_key(|brick| brick.to_array());
+        self.tail_scrolled.dedup();
+        if first {
+            self.tail_dirty.append(&mut self.tail_scrolled);
+        }
+    }
+
+    /// All bricks of the cascades, as if they had entered: for whoever has lost track of what they hold.
+    pub fn everything(&self) -> Vec<Entered> {
+        (0..self.shape.cascades)
+            .map(|cascade| Entered {
+                cascade,
+                bricks: self.held(cascade),
+                arrived: false,
+            })
+            .collect()
     }
 
     /// The bricks of a level that a box of the world (metres) reaches, of those that the level holds.
@@ -457,6 +482,12 @@ impl Clipmap {
     /// Bricks of the tails above what was made or scrolled.
     fn take_tails(&mut self) -> Vec<Vec<GpuDirtyBrick>> {
         let mut dirty = std::mem::take(&mut self.tail_dirty);
+        let share = self.tail_scrolled.len().div_ceil(SPREAD_FRAMES);
+        let rest = self
+            .tail_scrolled
+            .len()
+            .saturating_sub(share.max(LEAST_TAILS));
+        dirty.extend(self.tail_scrolled.drain(rest..));
         let mut tails = Vec::new();
         for level in self.shape.cascades..self.shape.levels() {
             let held = self.held(level);

@@ -1,7 +1,9 @@
 //! Cones of pixels: the signals of each view for the denoiser.
 
 use crate::EFFECT;
-use crate::lighting::{REACH, VOXEL_GROUP, trace_definitions, voxel_group, voxel_layout};
+use crate::lighting::{
+    REACH, VOXEL_GROUP, VoxelLighting, trace_definitions, voxel_group, voxel_layout,
+};
 use crate::prepare::VoxelBuffers;
 use crate::settings::VoxelGi;
 use akari_render::guides::ViewGuides;
@@ -28,6 +30,11 @@ const HIT_DISTANCE_FORMAT: TextureFormat = TextureFormat::R32Float;
 const WORKGROUP: u32 = 8;
 /// Bind group of what is the view's own.
 const VIEW_GROUP: u32 = 2;
+/// A camera that moves farther than this in a frame, in widths of the first cascade, has cut: what it saw before is gone.
+const CUT: f64 = 0.25;
+/// Standard deviation of what a ray brings, over the mean of all rays: of a specular lobe, most of which meets one
+/// thing, and of a hemisphere, an eighth of which is lit (√(7/8 · 8)).
+const RAY_DEVIATION: Vec2 = Vec2::new(0.5, 2.65);
 /// Perceptual roughness from which a dielectric's reflection is too faint and wide to be traced apart.
 const ROUGH: f32 = 0.95;
 
@@ -62,6 +69,8 @@ pub struct ConeTargets {
     diffuse: TextureView,
     specular: Option<(TextureView, TextureView)>,
     pub(crate) frame: u32,
+    /// Where the view was.
+    eye: Vec3,
 }
 
 /// What the pass binds.
@@ -135,16 +144,26 @@ pub fn prepare_signals(
     mut views: Query<(
         Entity,
         &ExtractedCamera,
+        &ExtractedView,
         &ViewVoxelGi,
         Option<&mut ConeTargets>,
     )>,
+    lighting: Option<Res<VoxelLighting>>,
     device: Res<RenderDevice>,
     ledger: Res<GpuLedger>,
 ) {
-    for (entity, camera, view, mut existing) in &mut views {
+    // What comes before the first bounces is no history of what comes after.
+    let cold = lighting.is_none_or(|lighting| lighting.rounds().is_cold());
+    for (entity, camera, extracted, view, mut existing) in &mut views {
         let Some(size) = camera.physical_target_size else {
             continue;
         };
+        let eye = extracted.world_from_view.translation();
+        let shape = view.settings.shape();
+        let cut = existing.as_ref().is_none_or(|kept| {
+            let cascade = f64::from(shape.resolution) * shape.voxel_size(0);
+            f64::from(kept.eye.distance(eye)) > CUT * cascade
+        });
         let scale = view.settings.signal_scale();
         let texels = size.map(|pixels| pixels.div_ceil(scale).max(1));
         let fits = existing
@@ -188,9 +207,11 @@ pub fn prepare_signals(
                 frame: existing
                     .as_ref()
                     .map_or(0, |kept| kept.frame.wrapping_add(1)),
+                eye,
             });
         } else if let Some(kept) = &mut existing {
             kept.frame = kept.frame.wrapping_add(1);
+            kept.eye = eye;
         }
         if let Some(targets) = fresh.as_ref().or(existing.as_deref()) {
             commands.entity(entity).insert(ViewSignals {
@@ -199,7 +220,13 @@ pub fn prepare_signals(
                 hit_distance: targets.specular.as_ref().map(|pair| pair.1.clone()),
                 scale,
                 frame: targets.frame,
-                reset: false,
+                reset: cold || cut,
+                deviation: RAY_DEVIATION
+                    / Vec2::new(
+                        view.settings.specular_cones.max(1) as f32,
+                        view.settings.cones.max(1) as f32,
+                    )
+                    .map(f32::sqrt),
             });
         }
         if let Some(fresh) = fresh {

@@ -4,7 +4,7 @@ use crate::EFFECT;
 use crate::prepare::VoxelBuffers;
 use crate::settings::VoxelGi;
 use crate::surfaces::{is_emissive, is_voxelized};
-use crate::types::{COUNTER_NAMES, POOL_HEADER};
+use crate::types::{COUNTER_NAMES, POOL_FREE, POOL_HEADER, POOL_LIT};
 use akari_render::emission::ShinesAsAreaLight;
 use akari_render::guides::NeedsGuides;
 use akari_render::prelude::*;
@@ -16,7 +16,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Census entry: meshes that are visible, opaque and lit.
 pub const VOXEL_MESHES: &str = "meshes that voxels hold";
@@ -205,6 +205,27 @@ pub struct CounterReadback {
     staging: Option<Buffer>,
     in_flight: Arc<AtomicBool>,
     warned: Arc<AtomicBool>,
+    /// Whether bricks were made since the counters were last asked for.
+    pending: bool,
+    /// Pages in use as of the last answer, 0 before.
+    used: Arc<AtomicU32>,
+    /// Bricks that got no page.
+    without: Arc<AtomicU32>,
+}
+
+impl CounterReadback {
+    /// Pages in use, as far as it is known; the largest number before.
+    pub fn pages_used(&self) -> u32 {
+        match self.used.load(Ordering::Acquire) {
+            0 => u32::MAX,
+            used => used,
+        }
+    }
+
+    /// Bricks that got no page since this was last asked.
+    pub fn take_without_page(&self) -> u32 {
+        self.without.swap(0, Ordering::AcqRel)
+    }
 }
 
 /// Copies the counters of a frame that made bricks to the CPU without waiting for them, and says once if the pages ran
@@ -218,11 +239,14 @@ pub fn collect_counters(
 ) {
     let Some(buffers) = buffers else {
         readback.staging = None;
+        readback.used.store(0, Ordering::Release);
         return;
     };
-    if !buffers.worked || readback.in_flight.load(Ordering::Acquire) {
+    readback.pending |= buffers.worked;
+    if !readback.pending || readback.in_flight.load(Ordering::Acquire) {
         return;
     }
+    readback.pending = false;
     let size = u64::from(POOL_HEADER) * 4;
     // A new one each time: the last may still be mapped by its callback.
     let staging = device.create_buffer(&BufferDescriptor {
@@ -239,6 +263,7 @@ pub fn collect_counters(
     readback.in_flight.store(true, Ordering::Release);
     let (ledger, mapped) = (ledger.clone(), staging.clone());
     let (in_flight, warned) = (readback.in_flight.clone(), readback.warned.clone());
+    let (used, without) = (readback.used.clone(), readback.without.clone());
     let pages = buffers.pages;
     staging.slice(..).map_async(MapMode::Read, move |result| {
         if result.is_ok() {
@@ -247,8 +272,13 @@ pub fn collect_counters(
             for (name, count) in COUNTER_NAMES.iter().zip(counts) {
                 ledger.set_counter(name, u64::from(count.max(&0).unsigned_abs()));
             }
+            let lit = counts[POOL_LIT as usize].max(0).unsigned_abs();
+            ledger.set_counter("voxel pages lit", u64::from(lit));
+            let free = counts[POOL_FREE as usize].max(0).unsigned_abs();
+            used.store(pages.saturating_sub(free).max(1), Ordering::Release);
             /// Word of the bricks that got no page.
             const WITHOUT: usize = 4;
+            without.fetch_add(counts[WITHOUT].max(0).unsigned_abs(), Ordering::AcqRel);
             if counts[WITHOUT] > 0 && !warned.swap(true, Ordering::Relaxed) {
                 warn!(
                     "voxel GI: {} bricks stay empty, the {pages} pages are used up; set VoxelGi::pages higher, or make \

@@ -7,11 +7,12 @@
 #import akari_math::polygon::{horizon_clip_new, horizon_clip_push}
 #import akari_math::random::{random_hash, random_sequence}
 #import akari_math::special::safe_normalize
+#import akari_math::voxel::brick::FREE_PAGE
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
-#import akari_voxel_gi::lighting::{lighting, page_owner}
+#import akari_voxel_gi::lighting::{due_owner, lighting, mark_lit}
 #import akari_voxel_gi::records::{VoxelFace, dither, load_face}
 #import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap}
-#import akari_voxel_gi::types::UNKNOWN_IRRADIANCE
+#import akari_voxel_gi::types::{IRRADIANCE_STRIDE, UNKNOWN_IRRADIANCE}
 
 // Four vectors a light, then corners of polygons. See `lights.rs`.
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
@@ -131,10 +132,13 @@ fn irradiance_of_polygon(face: VoxelFace, light: u32) -> vec3<f32> {
 @compute @workgroup_size(96, 1, 1)
 fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let page = group.x;
-    if page >= arrayLength(&page_owner) {
-        return;
+    let owner = due_owner(page, local);
+#ifndef FEEDBACK
+    if owner != FREE_PAGE {
+        mark_lit(owner, page, local);
     }
-    let face = load_face(page_owner[page], page, local);
+#endif
+    let face = load_face(owner, page, local);
     if !face.valid {
         return;
     }
@@ -148,8 +152,9 @@ fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         }
     }
 #ifdef FEEDBACK
-    if irradiance[element] != UNKNOWN_IRRADIANCE {
-        received += voxel_radiance_unpack(irradiance[element]);
+    let gathered = irradiance[IRRADIANCE_STRIDE * face.record + face.face];
+    if gathered != UNKNOWN_IRRADIANCE {
+        received += voxel_radiance_unpack(gathered);
     }
 #endif
     var leaving = face.surface.albedo * received / PI;

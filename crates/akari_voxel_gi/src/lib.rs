@@ -13,11 +13,14 @@
 //!
 //! **Cost**: nothing unless a camera has [`VoxelGi`](settings::VoxelGi), a mesh is opaque and lit, and something shines.
 //! Otherwise memory of a fixed size (`GpuLedger` tells it, 36 to 44 bytes a triangle among it), and time for the bricks
-//! that changed, under a cap.
+//! that changed and for the pages whose turn it is to be lit, each under a cap.
 //!
 //! **To look into it**: [`VoxelGiDebug`](debug::VoxelGiDebug) on the camera draws voxels, cones or leaks; without it there is
 //! no pass and no pipeline for that. [`VoxelGi::plain_cones`](settings::VoxelGi::plain_cones) traces isotropic cones as
 //! commonly done, for comparison. `docs/error_time.md` has the error against paths over the time of a frame.
+//!
+//! **Limits**: environment and ambient light do not enter; metals bounce diffusely in voxels, so that they throw no
+//! caustics.
 
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;

@@ -1,11 +1,13 @@
 //! The passes that light the voxels, once a frame for all cameras.
 
 use crate::EFFECT;
+use crate::demand::CounterReadback;
 use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
 use crate::pipeline::StoreKey;
 use crate::prepare::{VoxelBuffers, VoxelFrame};
 use crate::scene::VoxelScene;
-use crate::types::GpuVoxelClipmap;
+use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
+use akari_math::voxel::schedule::WHOLE_TURN;
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
@@ -27,17 +29,78 @@ pub const VOXEL_GROUP: u32 = 1;
 /// Farthest that voxels gather light from, metres: farther than any clipmap.
 pub const REACH: f32 = 1e6;
 
-/// For how many settled frames the mean counts after lights have changed: what follows is weighted as if the mean were
-/// that old.
-const FRAMES_AFTER_CHANGE: u32 = 8;
+/// Rounds in which what a voxel gathers replaces what it gathered before, where all begins anew: each brings one more
+/// bounce, undiluted, and the mean begins with what they leave.
+const COLD_ROUNDS: u64 = 4;
+/// One round of the pages, in positions of the cursor.
+const ROUND: u64 = 1 << 32;
+/// Least part of the pages' cap that is left to those that were not just made.
+const LEAST_SHARE: u32 = 4;
+/// Pages that a brick has in the mean, at most: of a wall, 16 voxels, or somewhat more.
+const PAGES_OF_BRICK: u32 = 2;
 
-/// Share of a frame in the mean: 2 / (n + 1) of the first n frames, by which late frames, which have more bounces in
-/// them, count more than early ones (their weights grow linearly), then 1 / `history`.
+/// Which pages are lit, frame after frame.
 ///
-/// With the latter alone, each bounce would lag that many frames behind the one before it.
-fn mean_rate(settled: u32, history: u32) -> f32 {
-    let ramp = 2.0 / (settled.min(1 << 20) + 1) as f32;
-    ramp.max(1.0 / history.max(1) as f32).min(1.0)
+/// Pages that were just made have their turn at once; all others have theirs one after the other, so that a frame lights
+/// no more than a cap (and a quarter of it, where bricks are made in great numbers), and each page is lit within
+/// `4 pages / cap` frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Rounds {
+    cursor: u32,
+    /// Span of the frame.
+    span: u32,
+    /// Positions since all began anew, and since lights have changed.
+    since_cold: u64,
+    since_change: u64,
+}
+
+impl Rounds {
+    /// Goes on by a frame in which `made` bricks are made, with `used` pages in use.
+    fn advance(&mut self, used: u32, cap: u32, made: u32) {
+        self.cursor = self.cursor.wrapping_add(self.span);
+        let cap = cap.max(1);
+        let left = cap
+            .saturating_sub(made.saturating_mul(PAGES_OF_BRICK))
+            .max(cap.div_ceil(LEAST_SHARE));
+        self.span = if left >= used {
+            WHOLE_TURN
+        } else {
+            (u64::from(left) * ROUND / u64::from(used)) as u32
+        };
+        let gone = if self.span == WHOLE_TURN {
+            ROUND
+        } else {
+            u64::from(self.span)
+        };
+        self.since_cold = self.since_cold.saturating_add(gone);
+        self.since_change = self.since_change.saturating_add(gone);
+    }
+
+    /// Nothing that was gathered before counts any more.
+    fn begin(&mut self) {
+        (self.since_cold, self.since_change) = (0, 0);
+    }
+
+    /// What was gathered before counts less.
+    fn change(&mut self) {
+        self.since_change = 0;
+    }
+
+    /// Whether all has begun anew not long ago.
+    pub fn is_cold(&self) -> bool {
+        self.since_cold <= COLD_ROUNDS * ROUND
+    }
+
+    /// Visits that what was gathered before counts as at most in this frame.
+    fn most_visits(&self) -> u32 {
+        if self.is_cold() {
+            0
+        } else if self.since_change <= ROUND {
+            VISITS_AFTER_CHANGE
+        } else {
+            MOST_VISITS
+        }
+    }
 }
 
 /// Pipelines and bindings of the lighting passes.
@@ -51,8 +114,7 @@ pub struct VoxelLighting {
     lights: StorageBuffer<Vec<Vec4>>,
     groups: Option<Groups>,
     frame: u32,
-    /// Frames since the light was last known to be far from what it will be.
-    settled: u32,
+    rounds: Rounds,
 }
 
 struct Groups {
@@ -60,6 +122,7 @@ struct Groups {
     inject_voxels: BindGroup,
     gather: Option<(BindGroup, BindGroup)>,
     pages: u32,
+    pool: Buffer,
 }
 
 /// Layout of the voxels, with or without their radiance.
@@ -127,10 +190,12 @@ pub fn trace_definitions(radiance: bool, plain_cones: bool) -> Vec<ShaderDefVal>
 
 fn inject_layout(key: StoreKey) -> BindGroupLayoutDescriptor {
     let read = storage_buffer_read_only_sized(false, None);
+    let write = storage_buffer_sized(false, None);
     let mut entries = vec![
         (0, uniform_buffer::<GpuVoxelLighting>(false)),
-        (1, read),
+        (1, write),
         (2, read),
+        (6, write),
     ];
     if key.emissive {
         entries.push((3, read));
@@ -138,7 +203,7 @@ fn inject_layout(key: StoreKey) -> BindGroupLayoutDescriptor {
     if key.feedback {
         entries.push((4, read));
     }
-    entries.push((5, storage_buffer_sized(false, None)));
+    entries.push((5, write));
     let entries: Vec<BindGroupLayoutEntry> = entries
         .into_iter()
         .map(|(binding, entry)| entry.build(binding, ShaderStages::COMPUTE))
@@ -147,11 +212,12 @@ fn inject_layout(key: StoreKey) -> BindGroupLayoutDescriptor {
 }
 
 fn gather_layout() -> BindGroupLayoutDescriptor {
-    let read = storage_buffer_read_only_sized(false, None);
+    let write = storage_buffer_sized(false, None);
     let entries = vec![
         (0, uniform_buffer::<GpuVoxelLighting>(false)),
-        (1, read),
-        (4, storage_buffer_sized(false, None)),
+        (1, write),
+        (4, write),
+        (6, write),
     ];
     let entries: Vec<BindGroupLayoutEntry> = entries
         .into_iter()
@@ -196,8 +262,13 @@ impl VoxelLighting {
             lights: StorageBuffer::default(),
             groups: None,
             frame: 0,
-            settled: 0,
+            rounds: Rounds::default(),
         }
+    }
+
+    /// Which pages are lit.
+    pub fn rounds(&self) -> &Rounds {
+        &self.rounds
     }
 }
 
@@ -214,6 +285,7 @@ pub fn prepare_lighting(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
     assets: Res<AssetServer>,
+    readback: Res<CounterReadback>,
     ledger: Res<GpuLedger>,
 ) {
     let (Some(view), Some(buffers)) = (&scene.view, buffers) else {
@@ -235,15 +307,17 @@ pub fn prepare_lighting(
     lighting.frame = lighting.frame.wrapping_add(1);
     let (vectors, light_count) =
         pack_lights(&lights.lights, &polygons.lights, buffers.clipmap.camera());
-    lighting.settled = lighting.settled.saturating_add(1);
-    let filling = frame
-        .commands
-        .as_ref()
-        .is_some_and(|commands| commands.made >= view.settings.bricks_per_frame);
-    if filling {
-        lighting.settled = 0;
+    let made = frame.commands.as_ref().map_or(0, |commands| commands.made);
+    let settings = &view.settings;
+    let used = readback.pages_used().min(buffers.pages);
+    lighting
+        .rounds
+        .advance(used, settings.pages_per_frame.max(1), made);
+    // While a place that was not known before is filled, each frame is another one.
+    if buffers.arriving {
+        lighting.rounds.begin();
     } else if *lighting.lights.get() != vectors {
-        lighting.settled = lighting.settled.min(FRAMES_AFTER_CHANGE);
+        lighting.rounds.change();
     }
     ledger.set_bytes(EFFECT, "lights", 16 * vectors.len() as u64);
     lighting.lights.set(vectors);
@@ -252,13 +326,17 @@ pub fn prepare_lighting(
         sky: Vec3::ZERO,
         light_count,
         frame: lighting.frame,
-        cones: view.settings.gather_cones.max(1),
-        rate: mean_rate(lighting.settled, view.settings.history),
-        aperture: view.settings.aperture,
+        cones: settings.gather_cones.max(1),
+        least_rate: 1.0 / settings.history.max(1) as f32,
+        aperture: settings.aperture,
         reach: REACH,
-        light_rays: view.settings.light_rays.clamp(1, 64),
+        light_rays: settings.light_rays.clamp(1, 64),
+        most_visits: lighting.rounds.most_visits(),
+        cursor: lighting.rounds.cursor,
+        span: lighting.rounds.span,
         pad_a: 0,
         pad_b: 0,
+        pad_c: 0,
     });
     lighting.uniform.write_buffer(&device, &queue);
     let (Some(uniform), Some(light_list)) = (lighting.uniform.binding(), lighting.lights.binding())
@@ -271,6 +349,7 @@ pub fn prepare_lighting(
         entry(1, buffers.page_owner.as_entire_binding()),
         entry(2, light_list),
         entry(5, buffers.radiance.as_entire_binding()),
+        entry(6, buffers.pool.as_entire_binding()),
     ];
     if let Some(emission) = &buffers.emission {
         inject.push(entry(3, emission.as_entire_binding()));
@@ -293,15 +372,17 @@ pub fn prepare_lighting(
                     entry(0, uniform),
                     entry(1, buffers.page_owner.as_entire_binding()),
                     entry(4, irradiance.as_entire_binding()),
+                    entry(6, buffers.pool.as_entire_binding()),
                 ],
             );
             (group, voxel_group(&buffers, true, &device, &cache))
         }),
         pages: buffers.pages,
+        pool: buffers.pool.clone(),
     });
 }
 
-/// Lights all voxels, then lets them gather light from each other for the next frame.
+/// Lights the voxels whose turn it is, then lets them gather light from each other for their next turn.
 pub fn light_voxels(
     lighting: Option<Res<VoxelLighting>>,
     cache: Res<PipelineCache>,
@@ -320,6 +401,7 @@ pub fn light_voxels(
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
+    encoder.clear_buffer(&groups.pool, u64::from(POOL_LIT) * 4, Some(4));
     let mut run = |label, pipeline, first: &BindGroup, voxels: &BindGroup| {
         let span = diagnostics.time_span(encoder, label);
         {
@@ -347,15 +429,55 @@ pub fn light_voxels(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_math::voxel::schedule::page_has_turn;
 
     #[test]
-    fn the_mean_forgets_its_first_frames() {
-        assert_eq!(mean_rate(0, 32), 1.0);
-        assert_eq!(mean_rate(1, 32), 1.0);
-        assert_eq!(mean_rate(1000, 32), 1.0 / 32.0);
-        assert_eq!(mean_rate(1000, 0), 1.0);
-        // What the first of 20 frames counts in the end.
-        let first: f32 = (2..=20).map(|frame| 1.0 - mean_rate(frame, 32)).product();
-        assert!(first < 0.01, "{first}");
+    fn a_frame_keeps_to_the_cap_and_each_page_has_its_turn() {
+        const PAGES: u32 = 10_000;
+        const CAP: u32 = 1_000;
+        let mut rounds = Rounds::default();
+        let mut last = vec![0_u32; PAGES as usize];
+        for frame in 1..=200 {
+            // Bricks are made now and then, many at once.
+            let made = if frame % 7 < 3 { 600 } else { 0 };
+            rounds.advance(PAGES, CAP, made);
+            let mut lit = 0;
+            for page in 0..PAGES {
+                if page_has_turn(page, rounds.cursor, rounds.span) {
+                    assert!(
+                        frame - last[page as usize] <= 4 * PAGES / CAP,
+                        "page {page}"
+                    );
+                    last[page as usize] = frame;
+                    lit += 1;
+                }
+            }
+            assert!(lit <= CAP + 2, "{lit}");
+            assert!(lit + 2 * made >= CAP - 2, "{lit}");
+        }
+        assert!(last.iter().all(|&frame| 200 - frame <= 4 * PAGES / CAP));
+    }
+
+    #[test]
+    fn means_begin_anew_with_the_place_and_are_shortened_by_changes() {
+        let mut rounds = Rounds::default();
+        rounds.begin();
+        let mut visits = Vec::new();
+        for _ in 0..6 {
+            rounds.advance(10, 100, 0);
+            visits.push(rounds.most_visits());
+        }
+        assert_eq!(visits, [0, 0, 0, 0, MOST_VISITS, MOST_VISITS]);
+        // All pages within two frames: the change counts for both.
+        rounds.change();
+        let mut visits = Vec::new();
+        for _ in 0..3 {
+            rounds.advance(200, 100, 0);
+            visits.push(rounds.most_visits());
+        }
+        assert_eq!(
+            visits,
+            [VISITS_AFTER_CHANGE, VISITS_AFTER_CHANGE, MOST_VISITS]
+        );
     }
 }

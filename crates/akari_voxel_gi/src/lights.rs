@@ -50,18 +50,26 @@ pub struct GpuVoxelLighting {
     pub frame: u32,
     /// Cones of each face in a frame.
     pub cones: u32,
-    /// Share of the frame in the mean.
-    pub rate: f32,
+    /// Least share of a visit in the mean.
+    pub least_rate: f32,
     /// Width of the cones over that of their cells.
     pub aperture: f32,
     /// Farthest that light is gathered from, metres.
     pub reach: f32,
     /// Rays to each area light.
     pub light_rays: u32,
+    /// Visits that what was gathered before counts as at most.
+    pub most_visits: u32,
+    /// Where the turn of the frame begins (`akari_math::voxel::schedule::page_has_turn`).
+    pub cursor: u32,
+    /// How far it goes.
+    pub span: u32,
     /// Padding.
     pub pad_a: u32,
     /// Padding.
     pub pad_b: u32,
+    /// Padding.
+    pub pad_c: u32,
 }
 
 /// Vectors of a light.

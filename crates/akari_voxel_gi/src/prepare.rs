@@ -3,11 +3,12 @@
 use crate::EFFECT;
 use crate::arena::Arena;
 use crate::clipmap::{Clipmap, ClipmapShape, Work};
+use crate::demand::CounterReadback;
 use crate::pipeline::{StoreKey, VoxelizePipelines};
 use crate::scene::{GeometryKey, SceneInstance, SurfaceKey, VoxelScene};
 use crate::types::{
     FACES, GpuDirtyBrick, GpuVoxelCluster, GpuVoxelInstance, GpuVoxelJob, INSTANCE_MIRRORED,
-    INSTANCE_TWO_SIDED, ONE_SURFACE, POOL_FREE, POOL_HEADER, RELEASE_PENDING,
+    INSTANCE_TWO_SIDED, IRRADIANCE_STRIDE, ONE_SURFACE, POOL_FREE, POOL_HEADER, RELEASE_PENDING,
 };
 use akari_math::voxel::brick::{FREE_PAGE, PAGE_RECORDS};
 use akari_render::prelude::*;
@@ -25,6 +26,8 @@ const JOB_STRIDE: usize = 256;
 const TRIANGLE_BYTES: u64 = 36;
 const CLUSTER_BYTES: u64 = 32;
 const SURFACE_BYTES: u64 = 8;
+/// Part of the pages, its reciprocal, that has to be free before bricks that got none are tried again.
+const PAGES_TO_RETRY: u32 = 8;
 
 /// What the voxels are stored in. Exists only while the effect is needed.
 #[derive(Resource)]
@@ -57,6 +60,10 @@ pub struct VoxelBuffers {
     pub worked: bool,
     /// Whether content of the clipmap was made since the buffers are there.
     pub filled: bool,
+    /// Whether a place where the clipmap was not before is still being filled.
+    pub arriving: bool,
+    /// Whether bricks got no page, and wait for others to be given back.
+    overflowed: bool,
 }
 
 /// What voxelization reads of the scene.
@@ -141,7 +148,7 @@ pub fn buffer_bytes(shape: &ClipmapShape, pages: u32, key: StoreKey) -> Vec<(&'s
         bytes.push(("emission", faces * 4));
     }
     if key.feedback {
-        bytes.push(("irradiance", faces * 4));
+        bytes.push(("irradiance", records * u64::from(IRRADIANCE_STRIDE) * 4));
     }
     bytes
 }
@@ -181,9 +188,10 @@ impl VoxelBuffers {
             emission: key
                 .emissive
                 .then(|| storage("akari_voxel_gi_emission", faces * 4)),
-            irradiance: key
-                .feedback
-                .then(|| storage("akari_voxel_gi_irradiance", faces * 4)),
+            irradiance: key.feedback.then(|| {
+                let words = records * u64::from(IRRADIANCE_STRIDE);
+                storage("akari_voxel_gi_irradiance", words * 4)
+            }),
             page_owner: filled(
                 "akari_voxel_gi_page_owner",
                 &vec![FREE_PAGE; pages as usize],
@@ -194,6 +202,8 @@ impl VoxelBuffers {
             key,
             worked: false,
             filled: false,
+            arriving: true,
+            overflowed: false,
         }
     }
 
@@ -539,6 +549,7 @@ pub fn prepare_voxel_work(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
+    readback: Res<CounterReadback>,
     ledger: Res<GpuLedger>,
 ) {
     let (Some(mut buffers), Some(mut geometry), Some(pipelines), Some(view)) =
@@ -558,7 +569,19 @@ pub fn prepare_voxel_work(
     if pipelines.key != buffers.key || pipelines.ready(&cache).is_none() {
         return;
     }
-    for entered in buffers.clipmap.follow(view.camera) {
+    let mut entered = buffers.clipmap.follow(view.camera);
+    // Where the finest cascade arrives from elsewhere, nothing of what is around the camera was known before.
+    buffers.arriving |= entered
+        .iter()
+        .any(|entered| entered.arrived && entered.cascade == 0);
+    let used = readback.pages_used();
+    buffers.overflowed |= readback.take_without_page() > 0;
+    if buffers.overflowed && used < buffers.pages - buffers.pages / PAGES_TO_RETRY {
+        // Which bricks they were is not known here: all are made again, within the cap of each frame.
+        buffers.overflowed = false;
+        entered.extend(buffers.clipmap.everything());
+    }
+    for entered in entered {
         let size = buffers.clipmap.shape().brick_size(entered.cascade);
         let low = entered.bricks.low.as_dvec3() * size;
         let high = entered.bricks.high.as_dvec3() * size;
@@ -574,6 +597,7 @@ pub fn prepare_voxel_work(
     }
     buffers.filled = true;
     let work = buffers.clipmap.take(view.settings.brick_cap());
+    buffers.arriving &= work.made.len() as u32 >= view.settings.brick_cap();
     ledger.set_counter("voxel bricks waiting", work.waiting as u64);
     buffers.write_uniform(&queue);
     let shape = *buffers.clipmap.shape();

@@ -10,9 +10,12 @@
 #import akari_voxel_gi::trace::{
     voxel_bricks, voxel_clipmap, voxel_coverage, voxel_surfaces,
 }
+#import akari_voxel_gi::types::PAGE_STALE
 
 struct VoxelFace {
-    // Whether there is a voxel, and in it something that is turned to the face.
+    // Whether there is a voxel.
+    occupied: bool,
+    // Whether something in it is turned to the face.
     valid: bool,
     record: u32,
     face: u32,
@@ -23,7 +26,7 @@ struct VoxelFace {
 }
 
 fn no_face() -> VoxelFace {
-    return VoxelFace(false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), vec3(0.5), vec3(0.0, 0.0, 1.0)));
+    return VoxelFace(false, false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), vec3(0.5), vec3(0.0, 0.0, 1.0)));
 }
 
 // The face that the invocation `local` of the workgroup of `page` works for.
@@ -32,12 +35,13 @@ fn load_face(owner: u32, page: u32, local: u32) -> VoxelFace {
     if owner == FREE_PAGE {
         return result;
     }
-    let slot = page_owner_slot(owner);
+    let slot = page_owner_slot(owner & ~PAGE_STALE);
     let brick = voxel_bricks[slot];
     let rank = PAGE_RECORDS * page_owner_rank(owner) + local / 6u;
     if rank >= mask_count(brick.xy) {
         return result;
     }
+    result.occupied = true;
     result.record = PAGE_RECORDS * page + local / 6u;
     result.face = local % 6u;
     let covered = voxel_coverage[result.record];

@@ -5,9 +5,10 @@
 #import akari_math::voxel::brick::{
     FREE_PAGE, mask_count, mask_holds, mask_rank, page_owner_pack, record_index,
 }
+#import akari_math::voxel::packing::coverage_of_face
 #import akari_voxel_gi::types::{
-    COUNTER_CONTENT, COUNTER_MADE, COUNTER_VOXELS, COUNTER_WITHOUT, DirtyBrick, POOL_FREE, POOL_HEADER, POOL_RETURNED,
-    UNKNOWN_IRRADIANCE, VoxelClipmap, VoxelJob,
+    BRICK_PENDING, COUNTER_CONTENT, COUNTER_MADE, COUNTER_VOXELS, COUNTER_WITHOUT, DirtyBrick, IRRADIANCE_STRIDE,
+    PAGE_STALE, POOL_FREE, POOL_HEADER, POOL_RETURNED, UNKNOWN_IRRADIANCE, VISITS_AFTER_CHANGE, VoxelClipmap, VoxelJob,
 }
 
 @group(0) @binding(0) var<uniform> clipmap: VoxelClipmap;
@@ -61,7 +62,7 @@ fn return_pages(brick: vec4<u32>, first: u32, last: u32) {
 }
 
 // The brick in `slot` with the voxels of `mask`: keeps what pages it has, takes more or gives some back. Without enough
-// free pages it is empty.
+// free pages a coarser level stands for it.
 fn allocate_brick(slot: u32, old: vec4<u32>, mask: vec2<u32>) -> vec4<u32> {
     let had = pages_of_mask(old.xy);
     let needed = pages_of_mask(mask);
@@ -73,7 +74,7 @@ fn allocate_brick(slot: u32, old: vec4<u32>, mask: vec2<u32>) -> vec4<u32> {
             atomicAdd(&pool[POOL_FREE], more);
             atomicAdd(&pool[COUNTER_WITHOUT], 1);
             return_pages(old, 0u, had);
-            return vec4<u32>(0u);
+            return vec4<u32>(0u, 0u, 0u, BRICK_PENDING);
         }
         for (var i = 0; i < more; i += 1) {
             pages[had + u32(i)] = u32(atomicLoad(&pool[POOL_HEADER + u32(top - 1 - i)]));
@@ -82,7 +83,7 @@ fn allocate_brick(slot: u32, old: vec4<u32>, mask: vec2<u32>) -> vec4<u32> {
         return_pages(old, needed, had);
     }
     for (var rank = 0u; rank < needed; rank += 1u) {
-        page_owner[pages[rank]] = page_owner_pack(slot, rank);
+        page_owner[pages[rank]] = page_owner_pack(slot, rank) | PAGE_STALE;
     }
     for (var rank = needed; rank < 4u; rank += 1u) {
         pages[rank] = 0u;
@@ -103,10 +104,16 @@ fn store_brick(lane: u32, slot: u32, occupied: bool, record: VoxelRecord) {
         UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE, UNKNOWN_IRRADIANCE,
         UNKNOWN_IRRADIANCE,
     );
+    var visits = 0u;
     if mask_holds(old.xy, lane) {
         let from_record = record_index(old.zw, mask_rank(old.xy, lane));
+        // Something has changed around here: what was known is soon forgotten.
+        visits = min(irradiance[IRRADIANCE_STRIDE * from_record + 6u], VISITS_AFTER_CHANGE);
         for (var face = 0u; face < 6u; face += 1u) {
-            kept[face] = irradiance[6u * from_record + face];
+            kept[face] = irradiance[IRRADIANCE_STRIDE * from_record + face];
+            if kept[face] == UNKNOWN_IRRADIANCE && coverage_of_face(record.coverage, face) > 0.0 {
+                visits = 0u;
+            }
         }
     }
 #endif
@@ -137,7 +144,10 @@ fn store_brick(lane: u32, slot: u32, occupied: bool, record: VoxelRecord) {
         emission[6u * to_record + face] = record.emission[face];
 #endif
 #ifdef FEEDBACK
-        irradiance[6u * to_record + face] = kept[face];
+        irradiance[IRRADIANCE_STRIDE * to_record + face] = kept[face];
 #endif
     }
+#ifdef FEEDBACK
+    irradiance[IRRADIANCE_STRIDE * to_record + 6u] = visits;
+#endif
 }

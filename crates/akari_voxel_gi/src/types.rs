@@ -10,10 +10,10 @@
 //! | `coverage` | `vec2<u32>` a record | share of the voxel's cross-section that is turned to each of the six faces (`akari_math::voxel::packing::coverage_pack`) |
 //! | `surface` | `vec2<u32>` a face | albedo, centroid along the face's axis, mean normal of what faces it (`voxel_surface_pack`) |
 //! | `emission` | `u32` a face | radiance, `voxel_radiance_pack`; only where a mesh shines that is no area light |
-//! | `irradiance` | `u32` a face | indirect irradiance, the same; only with feedback |
+//! | `irradiance` | 7 `u32` a record | indirect irradiance of the six faces, the same, then how often it was gathered; only with feedback |
 //! | `radiance` | `u32` a face | radiance that leaves, the same |
-//! | `page_owner` | `u32` a page | slot of its brick, and in the top two bits which of the brick's pages it is; `FREE_PAGE` if it is free |
-//! | `pool` | `i32` | counters, how many pages are free, how many were given back; then, from word [`POOL_HEADER`], the numbers of the free ones, and behind room for all pages, those given back |
+//! | `page_owner` | `u32` a page | slot of its brick, [`PAGE_STALE`], and in the top two bits which of the brick's pages it is; `FREE_PAGE` if it is free |
+//! | `pool` | `i32` | counters, how many pages are free, how many were given back, how many were lit; then, from word [`POOL_HEADER`], the numbers of the free ones, and behind room for all pages, those given back |
 //!
 //! The voxel of rank r, that is the number of set bits below its own, has the record
 //! `page[r / 16] · 16 + r % 16`; face f of record k is element `6 k + f`. Faces 0 to 5 are +x, −x, +y, −y, +z, −z: the
@@ -41,6 +41,15 @@ pub const BRICK_PENDING: u32 = u32::MAX;
 
 /// Value of an irradiance that nothing was gathered for yet.
 pub const UNKNOWN_IRRADIANCE: u32 = u32::MAX;
+
+/// Words of a record of irradiance: those of its faces, and how often they were gathered.
+pub const IRRADIANCE_STRIDE: u32 = 7;
+/// Visits that are still counted as such.
+pub const MOST_VISITS: u32 = 65_535;
+/// Visits that what was known of a voxel counts as at most, once something around it has changed.
+pub const VISITS_AFTER_CHANGE: u32 = 12;
+/// Bit of the owner of a page that was made since it was last lit: it has its turn at once.
+pub const PAGE_STALE: u32 = 1 << 29;
 
 /// One level of the clipmap: a cascade or a tail.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
@@ -159,6 +168,8 @@ pub const POOL_HEADER: u32 = 8;
 pub const POOL_FREE: u32 = 5;
 /// Word of the pool that counts the pages that were given back, and are free from the next reclaiming on.
 pub const POOL_RETURNED: u32 = 6;
+/// Word of the pool that counts the pages that were lit in a frame.
+pub const POOL_LIT: u32 = 7;
 
 /// Names of the first words of the pool: counts that add up over a frame, then the pages that are free.
 pub const COUNTER_NAMES: [&str; 6] = [

@@ -13,6 +13,13 @@ const MOST_PAGES: u32 = 65535u;
 const BRICK_PENDING: u32 = 0xffffffffu;
 // Value of an irradiance that nothing was gathered for yet.
 const UNKNOWN_IRRADIANCE: u32 = 0xffffffffu;
+// Words of a record of irradiance: those of its faces, and how often they were gathered.
+const IRRADIANCE_STRIDE: u32 = 7u;
+const MOST_VISITS: u32 = 65535u;
+// Visits that what was known counts as at most where something has changed.
+const VISITS_AFTER_CHANGE: u32 = 12u;
+// Bit of the owner of a page that was made since it was last lit.
+const PAGE_STALE: u32 = 0x20000000u;
 const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;
@@ -20,6 +27,7 @@ const CLUSTER_TRIANGLES: u32 = 64u;
 const POOL_HEADER: u32 = 8u;
 const POOL_FREE: u32 = 5u;
 const POOL_RETURNED: u32 = 6u;
+const POOL_LIT: u32 = 7u;
 const RELEASE_PENDING: u32 = 0x80000000u;
 const INWARD_SHIFT: f32 = 1e-3;
 

@@ -2,6 +2,7 @@
 //! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
 
 use akari_gpu_test::{layout_fault, u32_constants};
+use akari_voxel_gi::lights::GpuVoxelLighting;
 use akari_voxel_gi::types::*;
 use bevy::math::{IVec3, Vec3};
 use bevy::render::render_resource::ShaderType;
@@ -233,7 +234,12 @@ fn constants_agree() {
         ("POOL_FREE", POOL_FREE),
         ("POOL_RETURNED", POOL_RETURNED),
         ("RELEASE_PENDING", RELEASE_PENDING),
+        ("POOL_LIT", POOL_LIT),
         ("UNKNOWN_IRRADIANCE", UNKNOWN_IRRADIANCE),
+        ("IRRADIANCE_STRIDE", IRRADIANCE_STRIDE),
+        ("MOST_VISITS", MOST_VISITS),
+        ("VISITS_AFTER_CHANGE", VISITS_AFTER_CHANGE),
+        ("PAGE_STALE", PAGE_STALE),
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
@@ -378,6 +384,61 @@ fn structs_have_one_layout() {
         ("triangles", 4),
     ];
     assert_eq!(fault(TYPES, "VoxelCluster", &cluster, &fields), None);
+}
+
+/// The text of a struct of a shader that imports others.
+fn struct_of(source: &str, name: &str) -> String {
+    let start = source
+        .find(&format!("struct {name} {{"))
+        .expect("the struct is there");
+    let length = source[start..].find("\n}").expect("it has an end") + 2;
+    source[start..start + length].to_owned()
+}
+
+#[test]
+fn the_uniform_of_the_lighting_has_one_layout() {
+    const LIGHTING: &str = include_str!("../src/lighting.wgsl");
+    let lighting = GpuVoxelLighting {
+        sky: x(1.0),
+        light_count: 2,
+        frame: 3,
+        cones: 4,
+        least_rate: 5.0,
+        aperture: 6.0,
+        reach: 7.0,
+        light_rays: 8,
+        most_visits: 9,
+        cursor: 10,
+        span: 11,
+        pad_a: 12,
+        pad_b: 13,
+        pad_c: 14,
+    };
+    let fields = [
+        ("sky", bits(1.0)),
+        ("light_count", 2),
+        ("frame", 3),
+        ("cones", 4),
+        ("least_rate", bits(5.0)),
+        ("aperture", bits(6.0)),
+        ("reach", bits(7.0)),
+        ("light_rays", 8),
+        ("most_visits", 9),
+        ("cursor", 10),
+        ("span", 11),
+        ("pad_a", 12),
+        ("pad_b", 13),
+        ("pad_c", 14),
+    ];
+    let source = struct_of(LIGHTING, "VoxelLighting");
+    assert_eq!(fault(&source, "VoxelLighting", &lighting, &fields), None);
+    let swapped = source.replacen(
+        "cursor: u32,\n    span: u32,",
+        "span: u32,\n    cursor: u32,",
+        1,
+    );
+    assert_ne!(swapped, source);
+    assert!(fault(&swapped, "VoxelLighting", &lighting, &fields).is_some());
 }
 
 #[test]

@@ -24,7 +24,9 @@ use bevy_akari::voxel_gi::EFFECT;
 use bevy_akari::voxel_gi::geometry::MeshGeometry;
 use bevy_akari::voxel_gi::pipeline::{MIPS_LABEL, RELEASE_LABEL, VOXELIZE_LABEL};
 use bevy_akari::voxel_gi::prepare::VoxelBuffers;
-use bevy_akari::voxel_gi::types::{COUNTER_NAMES, POOL_FREE, POOL_HEADER, POOL_RETURNED};
+use bevy_akari::voxel_gi::types::{
+    COUNTER_NAMES, PAGE_STALE, POOL_FREE, POOL_HEADER, POOL_LIT, POOL_RETURNED,
+};
 use bevy_akari_tests::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -101,7 +103,8 @@ fn voxels(headless: &Headless) -> Voxels {
             let (mask, pages) = (UVec2::new(x, y), UVec2::new(z, w));
             for rank in 0..mask_count(mask).div_ceil(16) {
                 let page = record_index(pages, 16 * rank) / 16;
-                assert_eq!(owners[page as usize], page_owner_pack(slot, rank));
+                let owner = owners[page as usize] & !PAGE_STALE;
+                assert_eq!(owner, page_owner_pack(slot, rank));
                 assert!(used.insert(page), "page {page} has two owners");
             }
             for index in (0..64).filter(|index| mask_holds(mask, *index)) {
@@ -639,10 +642,11 @@ fn pages_run_out_in_order_and_the_cap_is_kept() {
     };
     let camera = spawn_observer(&mut headless, settings);
     let floor = Plane3d::default().mesh().size(3.9, 3.9).build();
+    let mut floors = Vec::new();
     for height in 0..14 {
         let place = Transform::from_xyz(0.0, 0.25 * height as f32 - 1.6, 0.0)
             .with_rotation(Quat::from_rotation_x(0.1));
-        spawn_mesh(&mut headless, &floor, place);
+        floors.push(spawn_mesh(&mut headless, &floor, place));
     }
     headless.step_until_ready().expect("it renders");
     let (mut without, mut frames) = (0, 0);
@@ -667,6 +671,22 @@ fn pages_run_out_in_order_and_the_cap_is_kept() {
     assert!(frames > 3, "the cap was not needed");
     assert!(without > 0, "the pages were enough");
     assert!(!voxels(&headless).is_empty());
+    // Once others have given theirs back, bricks that got none get some.
+    for floor in floors.drain(1..) {
+        headless.app.world_mut().entity_mut(floor).despawn();
+    }
+    let before = voxels(&headless).len();
+    for _ in 0..4 {
+        settle(&mut headless);
+    }
+    let left = voxels(&headless);
+    assert!(left.len() > before / 8, "{} of {before}", left.len());
+    assert_same(&left, &fresh_voxels(&mut headless, camera));
+    for height in 1..14 {
+        let place = Transform::from_xyz(0.0, 0.25 * height as f32 - 1.6, 0.0)
+            .with_rotation(Quat::from_rotation_x(0.1));
+        spawn_mesh(&mut headless, &floor, place);
+    }
     // Enough of them, and nothing is missing any more.
     headless.app.world_mut().entity_mut(camera).insert(VoxelGi {
         pages: 20_000,
@@ -675,6 +695,183 @@ fn pages_run_out_in_order_and_the_cap_is_kept() {
     settle(&mut headless);
     assert_eq!(counters(&headless)["voxel bricks without a page"], 0);
     voxels(&headless);
+}
+
+/// Radiance of all faces that are there, of all pages that are in use.
+fn radiances(headless: &Headless) -> Vec<Vec3> {
+    let buffers = buffers(headless).expect("there are voxels");
+    let coverage = words(headless, &buffers.coverage);
+    let radiance = words(headless, &buffers.radiance);
+    let bricks = words(headless, &buffers.bricks);
+    let mut found = Vec::new();
+    for brick in bricks.as_chunks::<4>().0 {
+        let (mask, pages) = (
+            UVec2::new(brick[0], brick[1]),
+            UVec2::new(brick[2], brick[3]),
+        );
+        for rank in 0..mask_count(mask) {
+            let record = record_index(pages, rank) as usize;
+            let bits = UVec2::new(coverage[2 * record], coverage[2 * record + 1]);
+            for face in 0..6 {
+                if coverage_of_face(bits, face) > 0.0 {
+                    found.push(voxel_radiance_unpack(radiance[6 * record + face as usize]));
+                }
+            }
+        }
+    }
+    found
+}
+
+fn pages_lit(headless: &Headless) -> u32 {
+    words(headless, &buffers(headless).expect("there are voxels").pool)[POOL_LIT as usize]
+}
+
+#[test]
+fn a_change_of_the_light_is_seen_everywhere_in_time() {
+    let Some(mut headless) = headless_or_skip("a_change_of_the_light") else {
+        return;
+    };
+    let cap = 256;
+    let settings = VoxelGi {
+        pages_per_frame: cap,
+        feedback: false,
+        ..gi(64, 1, 0.0625)
+    };
+    let camera = spawn_camera(&mut headless, 16, Vec3::new(0.13, 0.21, 0.34));
+    headless.app.world_mut().entity_mut(camera).insert(settings);
+    let floor = Plane3d::default().mesh().size(3.9, 3.9).build();
+    for height in 0..4 {
+        let place = Transform::from_xyz(0.0, 0.5 * height as f32 - 1.6, 0.0)
+            .with_rotation(Quat::from_rotation_x(0.1));
+        spawn_mesh(&mut headless, &floor, place);
+    }
+    let world = headless.app.world_mut();
+    let light = world
+        .spawn((
+            DirectionalLight {
+                color: Color::linear_rgb(1.0, 0.0, 0.0),
+                illuminance: 1000.0,
+                ..default()
+            },
+            Transform::default().looking_to(Vec3::new(0.1, -1.0, 0.2), Vec3::X),
+        ))
+        .id();
+    settle(&mut headless);
+    let pages = counters(&headless);
+    let used = settings.page_count() - pages["voxel pages free"];
+    assert!(used > 3 * cap, "{used} pages need no turns");
+    let most = (4 * used).div_ceil(cap) as usize;
+    for _ in 0..most {
+        headless.step().expect("it renders");
+    }
+    let lit = |radiances: &[Vec3], channel: usize| {
+        radiances
+            .iter()
+            .filter(|light| light[channel] > 0.0)
+            .count()
+    };
+    let before = radiances(&headless);
+    assert!(lit(&before, 0) > before.len() / 4, "the light is not seen");
+    assert_eq!(lit(&before, 2), 0);
+    headless
+        .app
+        .world_mut()
+        .get_mut::<DirectionalLight>(light)
+        .expect("it is there")
+        .color = Color::linear_rgb(0.0, 0.0, 1.0);
+    let mut frames = 0;
+    while lit(&radiances(&headless), 0) > 0 {
+        headless.step().expect("it renders");
+        frames += 1;
+        assert!(
+            frames <= most,
+            "the change is not seen after {frames} frames"
+        );
+        assert!(pages_lit(&headless) <= cap + 2, "{}", pages_lit(&headless));
+    }
+    println!("{used} pages, {cap} a frame: seen everywhere after {frames} frames, at most {most}");
+    assert!(frames > 2, "all pages were lit at once");
+    let after = radiances(&headless);
+    assert_eq!(lit(&after, 2), lit(&before, 0));
+}
+
+/// The share of frames that are dearer than that of `most` times the middle one.
+fn dear_share(work: &[u32], most: f64) -> f64 {
+    let mut sorted = work.to_vec();
+    sorted.sort_unstable();
+    let bound = most * f64::from(sorted[sorted.len() / 2]);
+    work.iter()
+        .filter(|&&count| f64::from(count) > bound)
+        .count() as f64
+        / work.len() as f64
+}
+
+#[test]
+fn a_camera_flight_costs_the_same_in_each_frame() {
+    /// Of a frame's work, over that of the middle one.
+    const MOST: f64 = 1.5;
+    /// Frames that may cost more: a hundredth.
+    const RARE: f64 = 0.01;
+    const LENGTH: f32 = 24.0;
+    const SPEED: f32 = 0.05;
+    const WARM: usize = 40;
+    const MEASURED: usize = 140;
+    let Some(mut headless) = headless_or_skip("a_camera_flight") else {
+        return;
+    };
+    let settings = VoxelGi {
+        pages_per_frame: 256,
+        ..gi(64, 3, 0.1)
+    };
+    let camera = spawn_observer(&mut headless, settings);
+    let middle = 0.5 * LENGTH - 5.0;
+    for (size, place) in [
+        (Vec3::new(LENGTH, 3.0, 0.2), Vec3::new(middle, 0.0, -1.6)),
+        (Vec3::new(LENGTH, 3.0, 0.2), Vec3::new(middle, 0.0, 1.6)),
+        (Vec3::new(LENGTH, 0.2, 3.0), Vec3::new(middle, -1.6, 0.0)),
+    ] {
+        let mesh = Cuboid::from_size(size).mesh().build();
+        spawn_mesh(&mut headless, &mesh, Transform::from_translation(place));
+    }
+    let pillar = Cylinder::new(0.2, 3.0).mesh().build();
+    for index in 0..LENGTH as usize {
+        let place = Vec3::new(index as f32 - 5.0, 0.0, 1.2);
+        spawn_mesh(&mut headless, &pillar, Transform::from_translation(place));
+    }
+    settle(&mut headless);
+    let (mut made, mut lit) = (Vec::new(), Vec::new());
+    for frame in 0..WARM + MEASURED {
+        let place = Vec3::new(SPEED * frame as f32, 0.2, 0.3);
+        let transform = Transform::from_translation(place).looking_to(Vec3::X, Vec3::Y);
+        headless
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .insert(transform);
+        headless.step().expect("it renders");
+        if frame >= WARM {
+            let counters = counters(&headless);
+            made.push(counters["voxel bricks made"]);
+            lit.push(pages_lit(&headless));
+        }
+    }
+    for (what, work) in [("bricks made", &made), ("pages lit", &lit)] {
+        let mut sorted = work.clone();
+        sorted.sort_unstable();
+        println!(
+            "{what}: median {}, 99th percentile {}, most {}",
+            sorted[MEASURED / 2],
+            sorted[MEASURED * 99 / 100 - 1],
+            sorted[MEASURED - 1]
+        );
+        assert!(sorted[MEASURED / 2] > 0, "{what}: nothing is done");
+        assert!(dear_share(work, MOST) <= RARE, "{what}: {work:?}");
+    }
+    // What scrolls in a brick at once would cost that every eighth frame.
+    let uneven: Vec<u32> = (0..MEASURED as u32)
+        .map(|frame| 1 + 7 * u32::from(frame % 8 == 0))
+        .collect();
+    assert!(dear_share(&uneven, MOST) > RARE);
 }
 
 /// Passes of voxelization that run within three more frames.

@@ -8,4 +8,5 @@ pub mod brick;
 pub mod cone;
 pub mod coverage;
 pub mod packing;
+pub mod schedule;
 pub mod slice;

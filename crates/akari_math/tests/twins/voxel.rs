@@ -2,12 +2,13 @@
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, ulp_of, vec3};
 use akari_math::random;
-use akari_math::voxel::{brick, cone, packing, slice};
+use akari_math::voxel::{brick, cone, packing, schedule, slice};
 use glam::{IVec3, UVec2, UVec3, Vec2, Vec3, Vec4};
 
 const BRICK: &str = "akari_math::voxel::brick";
 const PACKING: &str = "akari_math::voxel::packing";
 const CONE: &str = "akari_math::voxel::cone";
+const SCHEDULE: &str = "akari_math::voxel::schedule";
 const SLICE: &str = "akari_math::voxel::slice";
 const RANDOM: &str = "akari_math::random";
 
@@ -132,6 +133,43 @@ fn bricks_and_records() -> Vec<Case> {
                 mutation(BRICK, "local.z * bricks * bricks", "local.z * bricks"),
                 mutation(BRICK, "(local - origin) & vec3", "(local + origin) & vec3"),
                 mutation(BRICK, "OWNER_RANK_SHIFT: u32 = 30u", "OWNER_RANK_SHIFT: u32 = 29u"),
+            ],
+        },
+        Case {
+            module: SCHEDULE,
+            functions: &["visit_rate", "page_has_turn"],
+            imports: WORDS,
+            body: "y(0u, visit_rate(u32(x(0u)), x(1u)));
+                y(1u, select(0.0, 1.0, page_has_turn(u32(x(2u)), x_word(3u), x_word(5u))));",
+            inputs: 7,
+            outputs: 2,
+            twin: |x, y| {
+                y.push(schedule::visit_rate(x[0] as u32, x[1]));
+                let turn = schedule::page_has_turn(x[2] as u32, word(x, 3), word(x, 5));
+                y.push(f32::from(u8::from(turn)));
+            },
+            oracle: None,
+            domains: vec![domain(
+                "all pages, spans from none to the whole turn",
+                rows(905, 600, |r, row| {
+                    row.extend([(r.next() % 300) as f32, r.range(0.0, 1.0).powi(3) as f32]);
+                    row.push((r.next() % 65_536) as f32);
+                    push_word(row, r.next() as u32);
+                    let span = match r.next() % 4 {
+                        0 => schedule::WHOLE_TURN,
+                        1 => 0,
+                        _ => r.next() as u32,
+                    };
+                    push_word(row, span);
+                }),
+                ulp(0),
+                ulp(3),
+            )],
+            mutations: vec![
+                mutation(SCHEDULE, "MEAN_GROWTH: f32 = 4.0", "MEAN_GROWTH: f32 = 3.0"),
+                mutation(SCHEDULE, "TURN_STEP: u32 = 0x9e3779b1u", "TURN_STEP: u32 = 0x5e3779b1u"),
+                mutation(SCHEDULE, "TURN_STEP - cursor", "TURN_STEP + cursor"),
+                mutation(SCHEDULE, "cursor < span", "cursor > span"),
             ],
         },
     ]

@@ -71,16 +71,12 @@ fn leak(thickness: f64, shift: f64, plain: bool) -> (f64, f64) {
     let voxels = Voxels::new(&[level], DVec3::new(1.0, 2.0, 0.5), &polygons);
     let mut lit = Lit::new(gpu, &voxels, &[], 0, plain);
     for frame in 0..14 {
-        let rate = if frame < 10 {
-            1.0
-        } else {
-            1.0 / (frame - 9) as f32
-        };
         // Cones as wide as those of a picture.
         lit.frame(Settings {
             cones: 5,
             aperture: 0.5,
-            rate: Some(rate),
+            least_rate: 0.0,
+            most_visits: if frame < 10 { 0 } else { u32::MAX },
         });
     }
     // Pixels of both rooms, on the true walls: the wall between the rooms, floor, and the walls across.

@@ -2,5 +2,6 @@
 
 mod build;
 mod furnace;
+mod lamps;
 mod leaks;
 mod passes;

@@ -3,7 +3,10 @@
 use crate::build::Voxels;
 use akari_gpu_test::{Gpu, Program, ProgramSource, ShaderDefinition, Words};
 use akari_math::voxel::packing::voxel_radiance_unpack;
+use akari_math::voxel::schedule::WHOLE_TURN;
 
+/// Words of a record of irradiance, as `IRRADIANCE_STRIDE`.
+const STRIDE: usize = 7;
 const UNKNOWN: u32 = u32::MAX;
 
 /// Modules of the crate, as their sources are, after those of `akari_math`.
@@ -50,6 +53,7 @@ pub struct Lit<'a> {
     irradiance: Words,
     radiance: Words,
     lighting: Words,
+    pool: Words,
     pages: u32,
     plain: bool,
     frame: u32,
@@ -61,8 +65,10 @@ pub struct Settings {
     pub cones: u32,
     /// Width of the cones over that of their cells of the hemisphere.
     pub aperture: f32,
-    /// Share of a frame; `None` for the mean over all frames so far.
-    pub rate: Option<f32>,
+    /// Least share of a visit in the mean.
+    pub least_rate: f32,
+    /// Visits that count at most.
+    pub most_visits: u32,
 }
 
 pub fn definitions(plain: bool, more: &[&'static str]) -> Vec<(&'static str, ShaderDefinition)> {
@@ -94,6 +100,12 @@ impl<'a> Lit<'a> {
             Program::new(gpu, &source, entry).unwrap_or_else(|error| panic!("{entry}: {error}"))
         };
         let elements = voxels.emission.len();
+        let mut irradiance = vec![UNKNOWN; elements / 6 * STRIDE];
+        irradiance
+            .iter_mut()
+            .skip(6)
+            .step_by(STRIDE)
+            .for_each(|visits| *visits = 0);
         let lights: Vec<u32> = lights
             .iter()
             .flatten()
@@ -120,9 +132,10 @@ impl<'a> Lit<'a> {
             owners: Words::new(gpu, &voxels.owners),
             lights: Words::new(gpu, &lights),
             light_count,
-            irradiance: Words::new(gpu, &vec![UNKNOWN; elements]),
+            irradiance: Words::new(gpu, &irradiance),
+            pool: Words::new(gpu, &[0; 8]),
             radiance: Words::new(gpu, &vec![0; elements]),
-            lighting: Words::new(gpu, &[0; 12]),
+            lighting: Words::new(gpu, &[0; 16]),
             pages: voxels.owners.len() as u32,
             plain,
             frame: 0,
@@ -137,6 +150,7 @@ impl<'a> Lit<'a> {
             ((0, 3), &self.emission),
             ((0, 4), &self.irradiance),
             ((0, 5), &self.radiance),
+            ((0, 6), &self.pool),
             ((1, 0), &self.clipmap),
             ((1, 1), &self.bricks),
             ((1, 2), &self.coverage),
@@ -147,7 +161,6 @@ impl<'a> Lit<'a> {
 
     /// One frame: what leaves the voxels, then what they gather of it.
     pub fn frame(&mut self, settings: Settings) {
-        let rate = settings.rate.unwrap_or(1.0 / (self.frame + 1) as f32);
         let words = [
             0,
             0,
@@ -155,10 +168,14 @@ impl<'a> Lit<'a> {
             self.light_count,
             self.frame,
             settings.cones,
-            rate.to_bits(),
+            settings.least_rate.to_bits(),
             settings.aperture.to_bits(),
             1e6_f32.to_bits(),
             4,
+            settings.most_visits,
+            0,
+            WHOLE_TURN,
+            0,
             0,
             0,
         ];
@@ -177,7 +194,8 @@ impl<'a> Lit<'a> {
     pub fn mean_irradiance(&self, voxels: &Voxels, level: usize) -> f64 {
         let words = self.irradiance.read(self.gpu);
         let (mut sum, mut area) = (0.0, 0.0);
-        for (word, &(part, at)) in words.iter().zip(&voxels.areas) {
+        let faces = words.chunks_exact(STRIDE).flat_map(|record| &record[..6]);
+        for (word, &(part, at)) in faces.zip(&voxels.areas) {
             if part > 0.0 && at == level {
                 assert_ne!(*word, UNKNOWN, "a face that nothing was gathered for");
                 sum += part * f64::from(voxel_radiance_unpack(*word).x);

@@ -2,6 +2,7 @@
 
 use crate::EFFECT;
 use crate::reflector::Reflector;
+use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
 use bevy::prelude::*;
 
@@ -9,7 +10,7 @@ use bevy::prelude::*;
 pub const REFLECTORS: &str = "reflectors";
 /// Census entry: Bevy's punctual and directional lights that are not hidden.
 pub const REFLECTED_LIGHTS: &str = "lights that reflectors see";
-/// Census entry: active cameras with an [`AkariCamera`].
+/// Census entry: active cameras with an [`AkariCamera`] whose bounces no other effect gathers.
 pub const CAMERAS: &str = "cameras with interreflection";
 /// Census entry of the effect of area lights, if it is there.
 const AREA_LIGHTS: &str = "visible area lights";
@@ -34,7 +35,7 @@ pub fn demand(census: &Census) -> Demand {
     } else if lights == 0 {
         Demand::idle("no light for the reflectors")
     } else if census.count(CAMERAS) == 0 {
-        Demand::idle("no active camera asks for it")
+        Demand::idle("no active camera asks for it without another effect that gathers bounces")
     } else {
         let plural = |count: u32, one: &str| {
             let s = if count == 1 { "" } else { "s" };
@@ -53,7 +54,7 @@ fn count(
     directional: Query<(&DirectionalLight, &InheritedVisibility)>,
     points: Query<(&PointLight, &InheritedVisibility)>,
     spots: Query<(&SpotLight, &InheritedVisibility)>,
-    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>)>,
+    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>)>,
     mut census: ResMut<Census>,
 ) {
     let shown = reflectors.iter().filter(|visible| visible.get()).count();

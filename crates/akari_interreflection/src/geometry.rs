@@ -2,7 +2,7 @@
 
 use crate::types::{FLAG_TWO_SIDED, GpuReflectorMaterial, GpuTriangle};
 use akari_math::area_light::surface_reflectance;
-use bevy::math::Affine3A;
+use bevy::math::{Affine3A, Vec3A};
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
 
@@ -153,9 +153,7 @@ pub fn place_triangle(
     }
     let area = (b - a).cross(c - a);
     let face = area.try_normalize()?;
-    let placed = |normal: Vec3| {
-        Vec3::from(normal_matrix * bevy::math::Vec3A::from(normal)).normalize_or(face)
-    };
+    let placed = |normal: Vec3| Vec3::from(normal_matrix * Vec3A::from(normal)).normalize_or(face);
     Some(GpuTriangle {
         a,
         material,

@@ -17,6 +17,9 @@
 //! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with patches, and with glossy triangles times
 //! lights: it is for few, large reflectors.
 //!
+//! **With voxel GI**: a camera whose effect gathers all bounces
+//! ([`GathersBounces`](akari_render::camera::GathersBounces)) is left alone, so that no light counts twice.
+//!
 //! **Limits**: nothing hides reflectors from receivers, or lights from reflectors. Reflectors have the factors of their
 //! materials, not their textures; clear coats neither reflect nor receive. Lights with images are left out.
 

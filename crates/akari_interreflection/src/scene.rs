@@ -9,6 +9,7 @@ use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
 use crate::types::{GpuReflectorMaterial, GpuTriangle};
 use akari_render::area_lights::AreaLightPolygon;
+use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
@@ -41,7 +42,7 @@ pub fn extract_views(
     cameras: Extract<
         Query<
             (RenderEntity, &Camera, Option<&Interreflection>),
-            (With<AkariCamera>, With<Camera3d>),
+            (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>),
         >,
     >,
     defaults: Extract<Res<DefaultInterreflection>>,

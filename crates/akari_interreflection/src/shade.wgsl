@@ -46,8 +46,14 @@ const MIN_N_DOT_V: f32 = 1e-4;
 // A pixel that is closer to a triangle's plane than this, over its distance from the corners and the camera, lies on it: up to
 // the rounding of its depth.
 const ON_PLANE: f32 = 1e-4;
+// A triangle whose normals turn by less than this, as 1 - cosine, is flat.
+const FLAT: f32 = 1e-5;
 // Solid angle below which a light's image is taken to be a point.
 const MIN_IMAGE: f32 = 1e-8;
+// Fall of a lobe over a triangle, as an exponent, below which its slope does not matter.
+const MIN_RISE: f32 = 1e-3;
+// Smallest ratio of radiances whose logarithm is taken.
+const MIN_RATIO: f32 = 1e-6;
 // Largest sharpness of a receiver's lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -290,6 +296,28 @@ fn lobe_over(axis: vec3<f32>, sharpness: f32, a: vec3<f32>, b: vec3<f32>, c: vec
 #endif
 }
 
+// Sharpness over a triangle whose normals turn, of a lobe that a flat one would have `sharpness`: by what a second point shows,
+// on the other side of the triangle. A hollow mirror magnifies the highlight, so that it falls more slowly.
+fn curved_sharpness(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, sharpness: f32, point: vec3<f32>, radiance: vec3<f32>) -> f32 {
+    let landing = lobe_landing(axis, seen.a, seen.b, seen.c);
+    let middle = (seen.a + seen.b + seen.c) / 3.0;
+    let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
+    let from_landing = point - landing;
+    let outward = safe_normalize(select(middle - point, from_landing, length(from_landing) > ON_PLANE * size), vec3(0.0));
+    let weights = triangle_weights(point + outward * size, seen.a, seen.b, seen.c);
+    let second = point_of(seen, weights);
+    let near = safe_normalize(point, axis) - axis;
+    let far = safe_normalize(second, axis) - axis;
+    let rise = 0.5 * (dot(far, far) - dot(near, near));
+    let other = reflect_light(receiver, material, light, second, normal_of(seen, weights)).radiance;
+    let ones = vec3(1.0);
+    if rise * sharpness <= MIN_RISE || dot(radiance, ones) <= 0.0 {
+        return sharpness;
+    }
+    let ratio = clamp(dot(other, ones) / dot(radiance, ones), MIN_RATIO, 1.0);
+    return min(-log(ratio) / rise, sharpness);
+}
+
 // From a light by way of a glossy triangle and the pixel to the camera.
 fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> vec3<f32> {
     let alpha = material.perceptual_roughness * material.perceptual_roughness;
@@ -329,9 +357,12 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         let direction = safe_normalize(point, lobe.axis);
         let offset = direction - lobe.axis;
         let away = 0.5 * dot(offset, offset);
-        let local = tail_sharpness(sharpness, away);
+        var local = tail_sharpness(sharpness, away);
         let cosine = max(dot(receiver.normal_ws, direction), 0.0);
         let reflected = reflect_light(receiver, material, light, point, normal_of(seen, weights));
+        if 1.0 - dot(face, seen.normal_a) > FLAT || 1.0 - dot(face, seen.normal_b) > FLAT {
+            local = curved_sharpness(receiver, seen, material, light, lobe.axis, local, point, reflected.radiance);
+        }
         let peak = reflected.radiance * (cosine * exp(local * away));
         sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(lobe.axis * frame, local, a, b, c);
     }

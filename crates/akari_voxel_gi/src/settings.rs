@@ -2,8 +2,11 @@
 
 use crate::clipmap::ClipmapShape;
 use crate::types::MOST_PAGES;
+use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
 use akari_render::signals::{MakesSignals, stop_signals};
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +16,8 @@ use serde::{Deserialize, Serialize};
 /// one's settings of space and memory.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[require(AkariCamera, MakesSignals)]
-#[component(on_remove = stop_signals)]
+#[require(AkariCamera, GathersBounces, MakesSignals)]
+#[component(on_remove = stop)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelGi {
     /// Voxels along each axis of a cascade: 32, 64, 128 or 256 (others are rounded up).
@@ -44,6 +47,14 @@ pub struct VoxelGi {
     pub history: u32,
     /// Rays from each voxel to each area light, 1 to 64.
     pub light_rays: u32,
+}
+
+/// Takes away what the component brought.
+fn stop(mut world: DeferredWorld, context: HookContext) {
+    if let Ok(mut camera) = world.commands().get_entity(context.entity) {
+        camera.try_remove::<GathersBounces>();
+    }
+    stop_signals(world, context);
 }
 
 impl VoxelGi {

@@ -5,6 +5,7 @@ mod budget;
 mod demand;
 mod denoise;
 mod indirect;
+mod interreflection;
 mod lights;
 mod shadows;
 mod stability;

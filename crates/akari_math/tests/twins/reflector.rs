@@ -52,6 +52,21 @@ fn triangles(seed: u64, far: f32) -> Vec<f32> {
     })
 }
 
+/// An axis at an angle to the way down, and a triangle whose plane is 0.5 to 2 below the origin.
+fn in_front(seed: u64, lo: f32, hi: f32) -> Vec<f32> {
+    rows(seed, 500, |random, row| {
+        let normal = random.direction();
+        let angle = random.range(lo, hi);
+        let axis = random.around(-normal, angle);
+        push3(row, axis);
+        let u = normal.any_orthonormal_vector();
+        let at = -normal * random.range(0.5, 2.0);
+        push3(row, at);
+        push3(row, at + u);
+        push3(row, at + normal.cross(u));
+    })
+}
+
 pub fn cases() -> Vec<Case> {
     vec![
         Case {
@@ -94,23 +109,17 @@ pub fn cases() -> Vec<Case> {
                 let down = (-normal.dot(axis)).max(0.01);
                 y.extend((axis * (-normal.dot(a) / down)).to_array());
             }),
-            domains: vec![domain(
-                "in front",
-                rows(802, 500, |random, row| {
-                    push3(row, random.direction());
-                    // The origin is 0.5 to 2 in front of the plane.
-                    let normal = random.direction();
-                    let u = normal.any_orthonormal_vector();
-                    let at = -normal * random.range(0.5, 2.0);
-                    push3(row, at);
-                    push3(row, at + u);
-                    push3(row, at + normal.cross(u));
-                }),
-                absolute(2e-4),
-                absolute(2e-4),
-            )],
+            domains: vec![
+                domain("down", in_front(802, 0.0, 1.3), absolute(2e-5), absolute(2e-5)),
+                domain(
+                    "along and away",
+                    in_front(804, 1.3, 3.1),
+                    absolute(2e-3),
+                    absolute(2e-3),
+                ),
+            ],
             mutations: vec![
-                mutation("max(-dot(normal, a), 0.0)", "max(-dot(normal, b + 0.01), 0.0)"),
+                mutation("max(-dot(normal, a), 0.0)", "max(-dot(normal, a * 1.01), 0.0)"),
                 mutation("MIN_DESCENT * size", "2.0 * MIN_DESCENT * size"),
             ],
         },

@@ -50,10 +50,8 @@ const ON_PLANE: f32 = 1e-4;
 const FLAT: f32 = 1e-5;
 // Solid angle below which a light's image is taken to be a point.
 const MIN_IMAGE: f32 = 1e-8;
-// Fall of a lobe over a triangle, as an exponent, below which its slope does not matter.
-const MIN_RISE: f32 = 1e-3;
-// Smallest ratio of radiances whose logarithm is taken.
-const MIN_RATIO: f32 = 1e-6;
+// Radiance, in nits, below which there is none.
+const MIN_RADIANCE: f32 = 1e-12;
 // Largest sharpness of a receiver's lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -296,26 +294,24 @@ fn lobe_over(axis: vec3<f32>, sharpness: f32, a: vec3<f32>, b: vec3<f32>, c: vec
 #endif
 }
 
-// Sharpness over a triangle whose normals turn, of a lobe that a flat one would have `sharpness`: by what a second point shows,
-// on the other side of the triangle. A hollow mirror magnifies the highlight, so that it falls more slowly.
-fn curved_sharpness(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, sharpness: f32, point: vec3<f32>, radiance: vec3<f32>) -> f32 {
+// Radiance at `point` that stands for a triangle whose normals turn, under the lobe of a flat one: that of the flat one there,
+// times what turning makes of both sides of the triangle together. A hollow mirror magnifies the highlight, so that its light
+// falls more slowly from one side to the other.
+fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, face: vec3<f32>, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
     let landing = lobe_landing(axis, seen.a, seen.b, seen.c);
     let middle = (seen.a + seen.b + seen.c) / 3.0;
     let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
     let from_landing = point - landing;
-    let outward = safe_normalize(select(middle - point, from_landing, length(from_landing) > ON_PLANE * size), vec3(0.0));
+    let inside = length(from_landing) <= ON_PLANE * size;
+    let outward = safe_normalize(select(from_landing, middle - point, inside), vec3(0.0));
     let weights = triangle_weights(point + outward * size, seen.a, seen.b, seen.c);
-    let second = point_of(seen, weights);
-    let near = safe_normalize(point, axis) - axis;
-    let far = safe_normalize(second, axis) - axis;
-    let rise = 0.5 * (dot(far, far) - dot(near, near));
-    let other = reflect_light(receiver, material, light, second, normal_of(seen, weights)).radiance;
-    let ones = vec3(1.0);
-    if rise * sharpness <= MIN_RISE || dot(radiance, ones) <= 0.0 {
-        return sharpness;
-    }
-    let ratio = clamp(dot(other, ones) / dot(radiance, ones), MIN_RATIO, 1.0);
-    return min(-log(ratio) / rise, sharpness);
+    let other = point_of(seen, weights);
+    let turned = radiance + reflect_light(receiver, material, light, other, normal_of(seen, weights)).radiance;
+    let flat_here = reflect_light(receiver, material, light, point, face).radiance;
+    let flat_both = flat_here + reflect_light(receiver, material, light, other, face).radiance;
+    // Where a flat one shows nothing, it has no lobe to correct.
+    let known = flat_both > vec3(MIN_RADIANCE);
+    return select(radiance, turned * (flat_here / max(flat_both, vec3(MIN_RADIANCE))), known);
 }
 
 // From a light by way of a glossy triangle and the pixel to the camera.
@@ -357,13 +353,13 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         let direction = safe_normalize(point, lobe.axis);
         let offset = direction - lobe.axis;
         let away = 0.5 * dot(offset, offset);
-        var local = tail_sharpness(sharpness, away);
+        let local = tail_sharpness(sharpness, away);
         let cosine = max(dot(receiver.normal_ws, direction), 0.0);
-        let reflected = reflect_light(receiver, material, light, point, normal_of(seen, weights));
+        var radiance = reflect_light(receiver, material, light, point, normal_of(seen, weights)).radiance;
         if 1.0 - dot(face, seen.normal_a) > FLAT || 1.0 - dot(face, seen.normal_b) > FLAT {
-            local = curved_sharpness(receiver, seen, material, light, lobe.axis, local, point, reflected.radiance);
+            radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, radiance);
         }
-        let peak = reflected.radiance * (cosine * exp(local * away));
+        let peak = radiance * (cosine * exp(local * away));
         sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(lobe.axis * frame, local, a, b, c);
     }
     if receiver.glossy {

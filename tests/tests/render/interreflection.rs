@@ -78,7 +78,8 @@ impl Traced {
                 }
             }
         }
-        (error.max(0.0) / square).sqrt()
+        // What noise is left may be negative: it counts against us, too.
+        (error.abs() / square).sqrt()
     }
 }
 
@@ -139,7 +140,7 @@ fn one_bounce_agrees_with_the_path_tracer() {
         ("corner_glossy", scene_path("corner_glossy"), 0.10),
         ("corner_glossy, alpha 0.36", rougher(b"6"), 0.10),
     ] {
-        let (ours, truth) = (drawn(&scene), Traced::new(&scene, 256));
+        let (ours, truth) = (drawn(&scene), Traced::new(&scene, 1024));
         let error = truth.relative_rmse(&ours, anywhere);
         let on_floor = truth.relative_rmse(&ours, |position| position.y.abs() < 1e-3);
         println!(

@@ -194,7 +194,9 @@ fn main() {
             env!("CARGO_MANIFEST_DIR"),
             "/../crates/akari_interreflection/docs/interreflection.md"
         );
-        if let Err(error) = std::fs::write(path, &page) {
+        let folder = std::path::Path::new(path).parent();
+        let made = folder.map_or(Ok(()), std::fs::create_dir_all);
+        if let Err(error) = made.and_then(|()| std::fs::write(path, &page)) {
             eprintln!("{path}: {error}");
         }
     }

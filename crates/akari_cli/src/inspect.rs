@@ -7,6 +7,10 @@ use crate::error::CliError;
 use crate::load::load_scene;
 use akari_scene::{Scene, light_polygons};
 use bevy_akari::area_light::demand::{AREA_LIT_CAMERAS, VISIBLE_AREA_LIGHTS, demand};
+use bevy_akari::interreflection::{
+    self,
+    demand::{CAMERAS, REFLECTED_LIGHTS, REFLECTORS},
+};
 use bevy_akari::prelude::*;
 use bevy_akari::render::census::Census;
 use serde_json::json;
@@ -108,6 +112,11 @@ fn describe(scene: &Scene) -> serde_json::Value {
     census.set(VISIBLE_AREA_LIGHTS, lights as u32);
     census.set(AREA_LIT_CAMERAS, 1);
     let area_lights = demand(&census);
+    let reflecting = reflecting_instances(scene);
+    census.set(REFLECTORS, reflecting);
+    census.set(CAMERAS, 1);
+    census.set(REFLECTED_LIGHTS, scene.punctual_lights.len() as u32);
+    let interreflection = interreflection::demand::demand(&census);
     let bounds = scene
         .bounds()
         .map(|bounds| json!({ "min": bounds.min.to_array(), "max": bounds.max.to_array() }));
@@ -126,9 +135,30 @@ fn describe(scene: &Scene) -> serde_json::Value {
         "punctual_lights": scene.punctual_lights.iter().map(|light| &light.name).collect::<Vec<_>>(),
         "area_lights": scene.area_lights.iter().map(|light| &light.name).collect::<Vec<_>>(),
         "emissive_primitives": emissive,
-        "effects": { "area-lights": { "active": area_lights.needed, "reason": area_lights.reason } },
+        "effects": {
+            "area-lights": { "active": area_lights.needed, "reason": area_lights.reason },
+            // A file marks no reflectors: its meshes become some where the effect is asked for by name.
+            "interreflection": {
+                "active": false,
+                "reason": format!("with --effects interreflection: {}", interreflection.reason),
+            },
+        },
         "warnings": scene.warnings,
     })
+}
+
+/// Instances that `--effects interreflection` may mark as reflectors: opaque and lit, and they do not shine.
+fn reflecting_instances(scene: &Scene) -> u32 {
+    let reflects = |material: &akari_scene::Material| {
+        let opaque = !matches!(material.alpha_mode, akari_scene::AlphaMode::Blend);
+        opaque && !material.unlit && material.emission.max_element() <= 0.0
+    };
+    scene
+        .instances
+        .iter()
+        .flat_map(|instance| &scene.meshes[instance.mesh].primitives)
+        .filter(|primitive| reflects(&scene.materials[primitive.material]))
+        .count() as u32
 }
 
 /// The same for a person.

@@ -40,11 +40,12 @@ const EFFECTS: [&str; 8] = [
     "upsample",
 ];
 /// Those of them that this version has.
-const AVAILABLE_EFFECTS: [&str; 6] = [
+const AVAILABLE_EFFECTS: [&str; 7] = [
     "area-lights",
     "shadows",
     "lobes",
     "voxel-gi",
+    "interreflection",
     "denoise",
     "upsample",
 ];
@@ -96,7 +97,7 @@ impl WantedEffects {
         match self {
             Self::Auto => true,
             // Shadows are those of area lights; indirect light comes on top of direct light.
-            Self::Only(names) => ["area-lights", "shadows", "voxel-gi"]
+            Self::Only(names) => ["area-lights", "shadows", "voxel-gi", "interreflection"]
                 .iter()
                 .any(|effect| names.iter().any(|name| name == effect)),
         }
@@ -125,6 +126,14 @@ impl WantedEffects {
         match self {
             Self::Auto => false,
             Self::Only(names) => names.iter().any(|name| name == "voxel-gi"),
+        }
+    }
+
+    /// Whether meshes become reflectors. A file cannot mark any, so that it has to be asked for.
+    fn interreflection(&self) -> bool {
+        match self {
+            Self::Auto => false,
+            Self::Only(names) => names.iter().any(|name| name == "interreflection"),
         }
     }
 }
@@ -178,6 +187,18 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
             .resource_mut::<Assets<VisibilityBake>>()
             .add(VisibilityBake::from(bake));
         world.spawn(BakedVisibility(handle));
+    }
+    if wanted.interreflection() {
+        let left_out = crate::spawn::mark_reflectors(world);
+        if left_out > 0 {
+            warn(
+                common,
+                &format!(
+                    "{left_out} meshes reflect nothing: only the largest do, up to {} triangles",
+                    crate::spawn::MOST_REFLECTOR_TRIANGLES
+                ),
+            );
+        }
     }
     let (projection, transform) = camera_components(&camera);
     let size = UVec2::new(args.size.width, args.size.height);
@@ -414,7 +435,7 @@ mod tests {
         );
         assert!(WantedEffects::parse("area-lights").is_ok_and(|wanted| wanted.area_lights()));
         assert!(WantedEffects::parse("voxel-gi").is_ok_and(|wanted| wanted.voxel_gi()));
-        for wrong in ["area-light", "interreflection", "", "auto,none"] {
+        for wrong in ["area-light", "environment", "", "auto,none"] {
             assert_eq!(
                 WantedEffects::parse(wrong).map_err(|error| error.code),
                 Err(crate::error::USAGE),

@@ -8,6 +8,7 @@ use akari_scene::{
     Scene, Texture, Wrap,
 };
 use bevy::asset::RenderAssetUsages;
+use bevy::camera::primitives::MeshAabb;
 use bevy::image::{ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::light::RectLight;
 use bevy::math::{Affine2, DAffine3, DVec3};
@@ -123,6 +124,52 @@ pub fn replace_by_bevy_rect_lights(
             ));
     }
     Ok(())
+}
+
+/// Most triangles of the meshes that `--effects interreflection` marks as reflectors.
+pub const MOST_REFLECTOR_TRIANGLES: usize = 10_000;
+
+/// Marks the opaque, lit meshes that do not shine as reflectors, those of the largest triangles first, while their triangles
+/// stay within [`MOST_REFLECTOR_TRIANGLES`]. Returns how many meshes are left out.
+pub fn mark_reflectors(world: &mut World) -> usize {
+    let drawn: Vec<_> = world
+        .query::<(
+            Entity,
+            &Mesh3d,
+            &MeshMaterial3d<StandardMaterial>,
+            &Transform,
+        )>()
+        .iter(world)
+        .map(|(entity, mesh, material, transform)| {
+            (entity, mesh.id(), material.id(), transform.scale)
+        })
+        .collect();
+    let meshes = world.resource::<Assets<Mesh>>();
+    let materials = world.resource::<Assets<StandardMaterial>>();
+    let mut candidates: Vec<(Entity, f32, usize)> = drawn
+        .into_iter()
+        .filter_map(|(entity, mesh, material, scale)| {
+            let material = materials.get(material)?;
+            let shines = material.emissive.to_vec3().max_element() > 0.0;
+            bevy_akari::interreflection::geometry::reflector_material(material)
+                .filter(|_| !shines)?;
+            let mesh = meshes.get(mesh)?;
+            let triangles = mesh.indices().map_or(mesh.count_vertices(), Indices::len) / 3;
+            let side = mesh.compute_aabb()?.half_extents.length() * scale.abs().max_element();
+            Some((entity, side * side / triangles.max(1) as f32, triangles))
+        })
+        .collect();
+    candidates.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (mut triangles, mut left_out) = (0, 0);
+    for (entity, _, count) in candidates {
+        if triangles + count > MOST_REFLECTOR_TRIANGLES {
+            left_out += 1;
+            continue;
+        }
+        triangles += count;
+        world.entity_mut(entity).insert(Reflector);
+    }
+    left_out
 }
 
 struct Spawner<'a> {

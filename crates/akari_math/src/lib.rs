@@ -44,6 +44,7 @@ pub mod oracle;
 pub mod outline;
 pub mod polygon;
 pub mod random;
+pub mod reflector;
 pub mod reprojection;
 pub mod sg;
 pub mod signal_packing;
@@ -101,6 +102,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),
     ("akari_math::area_light", include_str!("area_light.wgsl")),
+    ("akari_math::reflector", include_str!("reflector.wgsl")),
     ("akari_math::tile_bounds", include_str!("tile_bounds.wgsl")),
     ("akari_math::light_image", include_str!("light_image.wgsl")),
     ("akari_math::random", include_str!("random.wgsl")),

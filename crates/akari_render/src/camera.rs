@@ -19,6 +19,12 @@ use bevy::prelude::*;
 #[component(on_add = switch_multisampling_off)]
 pub struct AkariCamera;
 
+/// On a camera: one of its effects gathers all light that bounces, as its component requires. Effects that add single bounces
+/// leave such a camera alone, so that no light counts twice.
+#[derive(Component, Debug, Default, Clone, Copy, Reflect)]
+#[reflect(Component, Default, Debug, Clone)]
+pub struct GathersBounces;
+
 /// A requirement only fills in what is absent, and `Camera3d` brings multisampling with it: where it came first, this
 /// takes it away again.
 fn switch_multisampling_off(mut world: DeferredWorld, context: HookContext) {

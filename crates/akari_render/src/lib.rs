@@ -59,6 +59,7 @@ pub struct AkariRenderPlugin;
 impl Plugin for AkariRenderPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<camera::AkariCamera>()
+            .register_type::<camera::GathersBounces>()
             .register_type::<quality::Quality>()
             .register_type::<emission::ShinesAsAreaLight>()
             .register_type::<guides::NeedsGuides>()

@@ -2,8 +2,11 @@
 
 use crate::clipmap::ClipmapShape;
 use crate::types::MOST_PAGES;
+use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
 use akari_render::signals::stop_signals;
+use bevy::ecs::lifecycle::HookContext;
+use bevy::ecs::world::DeferredWorld;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +16,8 @@ use serde::{Deserialize, Serialize};
 /// one's settings of space and memory.
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
 #[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[require(AkariCamera)]
-#[component(on_remove = stop_signals)]
+#[require(AkariCamera, GathersBounces)]
+#[component(on_remove = stop)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoxelGi {
     /// Voxels along each axis of a cascade: 32, 64, 128 or 256 (others are rounded up).
@@ -51,6 +54,14 @@ pub struct VoxelGi {
     /// March plain isotropic cones, as voxel cone tracing is commonly done: one opacity for all directions, one colour for
     /// all faces. They leak; here for comparison.
     pub plain_cones: bool,
+}
+
+/// Takes away what the component brought.
+fn stop(mut world: DeferredWorld, context: HookContext) {
+    if let Ok(mut camera) = world.commands().get_entity(context.entity) {
+        camera.try_remove::<GathersBounces>();
+    }
+    stop_signals(world, context);
 }
 
 impl VoxelGi {

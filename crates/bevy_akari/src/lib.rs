@@ -33,6 +33,7 @@ pub mod settings;
 
 pub use akari_area_light as area_light;
 pub use akari_denoise as denoise;
+pub use akari_interreflection as interreflection;
 pub use akari_lobes as lobes;
 pub use akari_math as math;
 pub use akari_render as render;
@@ -49,6 +50,7 @@ pub mod prelude {
     pub use crate::settings::AkariSettings;
     pub use akari_area_light::prelude::*;
     pub use akari_denoise::prelude::*;
+    pub use akari_interreflection::prelude::*;
     pub use akari_lobes::prelude::*;
     pub use akari_render::prelude::{AkariCamera, EffectReport, GpuLedger, Quality};
     pub use akari_voxel_gi::prelude::*;
@@ -69,6 +71,7 @@ impl PluginGroup for AkariPlugins {
             .add(akari_lobes::LobesPlugin)
             .add(akari_denoise::DenoisePlugin)
             .add(akari_voxel_gi::VoxelGiPlugin)
+            .add(akari_interreflection::InterreflectionPlugin)
             .add(budget::FrameBudgetPlugin)
     }
 }

@@ -3,6 +3,7 @@
 use akari_area_light::settings::{AreaLighting, DefaultAreaLighting};
 use akari_area_light::shadows::settings::{AreaShadows, DefaultAreaShadows};
 use akari_denoise::settings::{DefaultDenoise, Denoise};
+use akari_interreflection::settings::{DefaultInterreflection, Interreflection};
 use akari_lobes::settings::{DefaultSpecularLobes, SpecularLobes};
 use akari_render::quality::{Knob, KnobError, Knobs, Quality};
 use akari_voxel_gi::settings::VoxelGi;
@@ -23,6 +24,8 @@ pub struct AkariSettings {
     pub denoise: Denoise,
     /// Indirect light by voxels, on cameras that ask for it.
     pub voxel_gi: VoxelGi,
+    /// Light between reflectors and what cameras see.
+    pub interreflection: Interreflection,
 }
 
 impl Default for AkariSettings {
@@ -48,7 +51,14 @@ pub enum SettingError {
 }
 
 /// Names of the effects as `--set effect.knob=value` knows them.
-pub const EFFECT_NAMES: [&str; 5] = ["area_lights", "shadows", "lobes", "denoise", "voxel_gi"];
+pub const EFFECT_NAMES: [&str; 6] = [
+    "area_lights",
+    "shadows",
+    "lobes",
+    "denoise",
+    "voxel_gi",
+    "interreflection",
+];
 
 /// What all settings can do, whatever their type.
 trait AnyKnobs {
@@ -78,6 +88,7 @@ impl AkariSettings {
             lobes: SpecularLobes::preset(quality),
             denoise: Denoise::preset(quality),
             voxel_gi: VoxelGi::preset(quality),
+            interreflection: Interreflection::preset(quality),
         }
     }
 
@@ -101,6 +112,7 @@ impl AkariSettings {
             &mut self.lobes,
             &mut self.denoise,
             &mut self.voxel_gi,
+            &mut self.interreflection,
         ]
     }
 
@@ -156,6 +168,9 @@ impl AkariSettings {
                 .get_resource::<DefaultDenoise>()
                 .map_or_else(Denoise::default, |default| default.0),
             voxel_gi: VoxelGi::default(),
+            interreflection: world
+                .get_resource::<DefaultInterreflection>()
+                .map_or_else(Interreflection::default, |default| default.0),
         }
     }
 
@@ -165,6 +180,7 @@ impl AkariSettings {
         world.insert_resource(DefaultAreaShadows(self.shadows));
         world.insert_resource(DefaultSpecularLobes(self.lobes));
         world.insert_resource(DefaultDenoise(self.denoise));
+        world.insert_resource(DefaultInterreflection(self.interreflection));
     }
 
     /// As a RON document.

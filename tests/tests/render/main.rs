@@ -9,6 +9,7 @@ mod hard_cases;
 mod indirect;
 mod indirect_quality;
 mod indirect_views;
+mod interreflection;
 mod lights;
 mod overlay;
 mod shadows;

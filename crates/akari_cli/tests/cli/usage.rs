@@ -48,8 +48,8 @@ fn wrong_arguments_are_refused_with_what_is_right() {
     for (arguments, says) in [
         (&["--effects", "glow"][..], &["glow", "area-lights"][..]),
         (
-            &["--effects", "interreflection"],
-            &["interreflection", "not in this version", "voxel-gi"],
+            &["--effects", "environment"],
+            &["environment", "not in this version", "voxel-gi"],
         ),
         (&["--effects", ""], &["area-lights"]),
         (

@@ -16,6 +16,7 @@ mod noise;
 mod packing;
 mod properties;
 mod reflection_lobes;
+mod reflector;
 mod sg;
 mod sg_polygon_terms;
 mod sg_polygons;
@@ -40,6 +41,7 @@ fn table() -> Vec<Case> {
     cases.extend(sg_polygon_terms::cases());
     cases.extend(mirrored_light::cases());
     cases.extend(ggx::cases());
+    cases.extend(reflector::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());
     cases.extend(lookup::cases());

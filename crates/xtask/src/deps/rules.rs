@@ -39,6 +39,7 @@ const EVERY_LIBRARY: &[&str] = &[
     "akari_area_light",
     "akari_bake",
     "akari_denoise",
+    "akari_interreflection",
     "akari_lobes",
     "akari_math",
     "akari_reference",
@@ -116,6 +117,13 @@ pub const RULES: &[Rule] = &[
         only: None,
     },
     Rule {
+        package: "akari_interreflection",
+        may_use: &["akari_math", "akari_render"],
+        tests_may_use: &["akari_gpu_test"],
+        engine: Engine::Bevy,
+        only: None,
+    },
+    Rule {
         package: "akari_denoise",
         may_use: &["akari_math", "akari_render"],
         tests_may_use: &["akari_gpu_test"],
@@ -142,6 +150,7 @@ pub const RULES: &[Rule] = &[
         may_use: &[
             "akari_area_light",
             "akari_denoise",
+            "akari_interreflection",
             "akari_lobes",
             "akari_math",
             "akari_render",

@@ -1,0 +1,116 @@
+//! Whether the scene calls for interreflection.
+
+use crate::EFFECT;
+use crate::reflector::Reflector;
+use akari_render::camera::GathersBounces;
+use akari_render::prelude::*;
+use bevy::prelude::*;
+
+/// Census entry: meshes marked as reflectors that are not hidden.
+pub const REFLECTORS: &str = "reflectors";
+/// Census entry: Bevy's punctual and directional lights that are not hidden.
+pub const REFLECTED_LIGHTS: &str = "lights that reflectors see";
+/// Census entry: active cameras with an [`AkariCamera`] whose bounces no other effect gathers.
+pub const CAMERAS: &str = "cameras with interreflection";
+/// Census entry of the effect of area lights, if it is there.
+const AREA_LIGHTS: &str = "visible area lights";
+
+/// Systems of the main world.
+pub(crate) fn build(app: &mut App) {
+    app.add_systems(
+        PostUpdate,
+        (
+            count.in_set(AkariSystems::Census),
+            record_demand.in_set(AkariSystems::Demand),
+        ),
+    );
+}
+
+/// The demand: a pure function of the census.
+pub fn demand(census: &Census) -> Demand {
+    let reflectors = census.count(REFLECTORS);
+    let lights = census.count(REFLECTED_LIGHTS) + census.count(AREA_LIGHTS);
+    if reflectors == 0 {
+        Demand::idle("no mesh is marked as a reflector")
+    } else if lights == 0 {
+        Demand::idle("no light for the reflectors")
+    } else if census.count(CAMERAS) == 0 {
+        Demand::idle("no active camera asks for it without another effect that gathers bounces")
+    } else {
+        let plural = |count: u32, one: &str| {
+            let s = if count == 1 { "" } else { "s" };
+            format!("{count} {one}{s}")
+        };
+        Demand::needed(format!(
+            "{} may reflect {}",
+            plural(reflectors, "reflector"),
+            plural(lights, "light")
+        ))
+    }
+}
+
+fn count(
+    reflectors: Query<&InheritedVisibility, (With<Reflector>, With<Mesh3d>)>,
+    directional: Query<(&DirectionalLight, &InheritedVisibility)>,
+    points: Query<(&PointLight, &InheritedVisibility)>,
+    spots: Query<(&SpotLight, &InheritedVisibility)>,
+    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>)>,
+    mut census: ResMut<Census>,
+) {
+    let shown = reflectors.iter().filter(|visible| visible.get()).count();
+    set(&mut census, REFLECTORS, shown);
+    if shown == 0 {
+        return;
+    }
+    let active = cameras.iter().filter(|camera| camera.is_active).count();
+    set(&mut census, CAMERAS, active);
+    let lights = directional
+        .iter()
+        .filter(|(light, visible)| visible.get() && light.illuminance > 0.0)
+        .count()
+        + points
+            .iter()
+            .filter(|(light, visible)| visible.get() && light.intensity > 0.0)
+            .count()
+        + spots
+            .iter()
+            .filter(|(light, visible)| visible.get() && light.intensity > 0.0)
+            .count();
+    set(&mut census, REFLECTED_LIGHTS, lights);
+}
+
+/// Sets an entry without marking the census as changed where it is not.
+fn set(census: &mut ResMut<Census>, name: &'static str, count: usize) {
+    let count = count as u32;
+    if census.count(name) != count {
+        census.set(name, count);
+    }
+}
+
+fn record_demand(census: Res<Census>, mut report: ResMut<EffectReport>) {
+    if census.is_changed() || report.get(EFFECT).is_none() {
+        report.record(EFFECT, demand(&census));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reflectors_lights_and_a_camera_are_needed() {
+        let mut census = Census::default();
+        for name in [REFLECTORS, CAMERAS] {
+            assert!(!demand(&census).needed);
+            census.set(name, 1);
+        }
+        assert!(!demand(&census).needed, "no light");
+        census.set(AREA_LIGHTS, 2);
+        assert_eq!(
+            demand(&census),
+            Demand::needed("1 reflector may reflect 2 lights")
+        );
+        census.set(REFLECTORS, 0);
+        assert!(!demand(&census).needed);
+    }
+}

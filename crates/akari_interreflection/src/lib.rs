@@ -1,0 +1,105 @@
+//! One bounce of light between surfaces for Bevy, diffuse and glossy in both roles, analytic and free of noise.
+//!
+//! **What**: light of area, point, spot and directional lights that meshes marked [`Reflector`](reflector::Reflector) send on
+//! to opaque deferred [`StandardMaterial`](bevy::pbr::StandardMaterial)s, once.
+//!
+//! **Method**: the diffuse part of a reflector is lit at the corners of patches, which then shine as polygonal lights (LTC
+//! of Heitz et al. 2016 for glossy receivers) with the radiance at the point that the receiver's lobe looks at. The glossy
+//! part is a spherical Gaussian about the receiver, of the light as the reflector mirrors it, integrated over the triangle
+//! (`akari_math::sg::polygon`, after Okada and Iwasaki 2017 and Xu et al. 2014); its peak is the radiance that LTC gives at
+//! the triangle's point nearest to the axis, its width such that it holds the light of the whole image
+//! (`akari_math::reflector`).
+//!
+//! **Inputs**: Bevy's depth and deferred prepass. **Output**: radiance × exposure, added to the HDR view target after
+//! Bevy's deferred lighting.
+//!
+//! **Cost**: nothing without a reflector, a light, and a camera with [`AkariCamera`](akari_render::camera::AkariCamera): no
+//! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with patches, and with glossy triangles times
+//! lights: it is for few, large reflectors.
+//!
+//! **With voxel GI**: a camera whose effect gathers all bounces
+//! ([`GathersBounces`](akari_render::camera::GathersBounces)) is left alone, so that no light counts twice.
+//!
+//! **Limits**: nothing hides reflectors from receivers, or lights from reflectors. Reflectors have the factors of their
+//! materials, not their textures; clear coats neither reflect nor receive. Lights with images are left out.
+
+use akari_render::ensure_render_plugin;
+use akari_render::signals::AkariPassSystems;
+use bevy::asset::embedded_asset;
+use bevy::core_pipeline::schedule::Core3d;
+use bevy::prelude::*;
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
+use bevy::shader::load_shader_library;
+
+pub mod demand;
+pub mod geometry;
+pub mod lights;
+pub mod pass;
+pub mod pipeline;
+pub mod prepare;
+pub mod reflector;
+pub mod scene;
+pub mod settings;
+pub mod types;
+
+/// Name of the effect in reports, statistics and on the command line.
+pub const EFFECT: &str = "interreflection";
+
+/// Everything that an app uses from here.
+pub mod prelude {
+    pub use crate::InterreflectionPlugin;
+    pub use crate::reflector::Reflector;
+    pub use crate::settings::{DefaultInterreflection, Interreflection};
+}
+
+/// Lights what cameras see by reflectors.
+#[derive(Default)]
+pub struct InterreflectionPlugin;
+
+impl Plugin for InterreflectionPlugin {
+    fn build(&self, app: &mut App) {
+        ensure_render_plugin(app);
+        app.register_type::<reflector::Reflector>()
+            .register_type::<settings::Interreflection>()
+            .register_type::<settings::DefaultInterreflection>()
+            .init_resource::<settings::DefaultInterreflection>();
+        demand::build(app);
+        if app.get_sub_app(RenderApp).is_none() {
+            return;
+        }
+        load_shader_library!(app, "types.wgsl");
+        load_shader_library!(app, "lights.wgsl");
+        embedded_asset!(app, "irradiance.wgsl");
+        embedded_asset!(app, "shade.wgsl");
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        render_app
+            .init_resource::<scene::ReflectorScene>()
+            .init_resource::<lights::ReflectedLights>()
+            .add_systems(
+                ExtractSchedule,
+                (
+                    scene::extract_reflectors,
+                    scene::extract_views,
+                    lights::extract_lights,
+                ),
+            )
+            .add_systems(
+                Render,
+                (
+                    (prepare::release, prepare::prepare_pipelines)
+                        .chain()
+                        .in_set(RenderSystems::Prepare),
+                    prepare::prepare_reflectors.in_set(RenderSystems::PrepareResources),
+                    prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                (pass::light_patches, pass::shade)
+                    .chain()
+                    .in_set(AkariPassSystems::Direct),
+            );
+    }
+}

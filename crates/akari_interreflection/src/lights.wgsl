@@ -1,0 +1,71 @@
+#define_import_path akari_interreflection::lights
+
+// Lights as they are packed, and what arrives of them at a point.
+
+#import akari_math::area_light::range_falloff
+#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON}
+
+const INV_PI: f32 = 0.31830989;
+// Floor of squared distances.
+const MIN_SQUARED: f32 = 1e-12;
+
+// One light, and where its corners are.
+struct Light {
+    position: vec3<f32>,
+    kind: u32,
+    color: vec3<f32>,
+    inverse_range_squared: f32,
+    direction: vec3<f32>,
+    area: f32,
+    // Of a point light the scale and offset of its cone.
+    cone: vec2<f32>,
+    first: u32,
+    count: u32,
+    two_sided: bool,
+}
+
+fn unpack_light(v_zero: vec4<f32>, v_one: vec4<f32>, v_two: vec4<f32>, v_three: vec4<f32>) -> Light {
+    var light: Light;
+    light.position = v_zero.xyz;
+    light.kind = u32(v_zero.w);
+    light.color = v_one.xyz;
+    light.inverse_range_squared = v_one.w;
+    light.direction = v_two.xyz;
+    light.area = v_two.w;
+    light.cone = v_three.xy;
+    if light.kind == KIND_POLYGON {
+        light.first = u32(v_three.x);
+        light.count = u32(v_three.y);
+        light.two_sided = v_three.z > 0.5;
+    }
+    return light;
+}
+
+// From a light that is no polygon: direction to it, and illuminance where the surface faces it.
+struct Incident {
+    to_light: vec3<f32>,
+    illuminance: vec3<f32>,
+}
+
+fn punctual_light(light: Light, point: vec3<f32>) -> Incident {
+    if light.kind == KIND_DIRECTIONAL {
+        return Incident(light.direction, light.color);
+    }
+    let offset = light.position - point;
+    let squared = max(dot(offset, offset), MIN_SQUARED);
+    let to_light = offset * inverseSqrt(squared);
+    let cone = saturate(dot(-to_light, light.direction) * light.cone.x + light.cone.y);
+    let falloff = cone * cone * range_falloff(squared, light.inverse_range_squared);
+    return Incident(to_light, light.color * (falloff / squared));
+}
+
+// Radiance of a polygon at a point, and -1 where its back is seen: w.
+fn polygon_radiance(light: Light, point: vec3<f32>) -> vec4<f32> {
+    let offset = light.position - point;
+    let height = -dot(light.direction, offset);
+    if height <= 0.0 && !light.two_sided {
+        return vec4(0.0);
+    }
+    let falloff = range_falloff(dot(offset, offset), light.inverse_range_squared);
+    return vec4(light.color * falloff, select(-1.0, 1.0, height > 0.0));
+}

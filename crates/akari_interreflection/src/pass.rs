@@ -1,0 +1,95 @@
+//! The two passes: light the corners of patches where something changed, then shade pixels.
+
+use crate::pipeline::{IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL};
+use crate::prepare::ViewReflectors;
+use crate::types::IRRADIANCE_WORKGROUP;
+use akari_render::ledger::GpuLedger;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache, RenderPassDescriptor};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewTarget, ViewUniformOffset};
+
+/// Lights the corners of patches, if lights or reflectors changed.
+pub fn light_patches(
+    view: ViewQuery<&mut ViewReflectors>,
+    pipelines: Option<Res<InterreflectionPipelines>>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let mut reflectors = view.into_inner();
+    let (true, Some(pipelines), Some(group)) = (
+        reflectors.stale,
+        pipelines,
+        reflectors.irradiance_group.clone(),
+    ) else {
+        return;
+    };
+    if reflectors.patches == 0 {
+        reflectors.stale = false;
+        return;
+    }
+    let Some(pipeline) = cache.get_compute_pipeline(pipelines.irradiance) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let corners: u32 = 3 * reflectors.patches;
+    let workgroups = corners.div_ceil(IRRADIANCE_WORKGROUP);
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, IRRADIANCE_LABEL);
+    {
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+            label: Some(IRRADIANCE_LABEL),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(workgroups, 1, 1);
+    }
+    span.end(encoder);
+    ledger.count_pass(IRRADIANCE_LABEL);
+    reflectors.stale = false;
+}
+
+/// Adds the light of reflectors to the HDR target.
+pub fn shade(
+    view: ViewQuery<(
+        &ViewReflectors,
+        &ViewUniformOffset,
+        &ViewTarget,
+        &ExtractedCamera,
+    )>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (reflectors, view_offset, target, camera) = view.into_inner();
+    let (false, Some(group)) = (reflectors.stale, &reflectors.shade_group) else {
+        return;
+    };
+    if reflectors.patches + reflectors.glossy == 0 {
+        return;
+    }
+    let Some(pipeline) = cache.get_render_pipeline(reflectors.shade) else {
+        return;
+    };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+        label: Some(SHADE_LABEL),
+        color_attachments: &[Some(target.get_unsampled_color_attachment())],
+        ..default()
+    });
+    let span = diagnostics.pass_span(&mut pass, SHADE_LABEL);
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
+    pass.set_render_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[view_offset.offset]);
+    pass.draw(0..3, 0..1);
+    span.end(&mut pass);
+    ledger.count_pass(SHADE_LABEL);
+}

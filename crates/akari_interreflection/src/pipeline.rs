@@ -1,0 +1,178 @@
+//! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
+
+use crate::types::{GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle};
+use bevy::asset::{AssetServer, Handle, load_embedded_asset};
+use bevy::core_pipeline::FullscreenShader;
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
+    texture_depth_2d, uniform_buffer,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::view::ViewUniform;
+use bevy::shader::Shader;
+
+/// Label of the pass that lights patches and of its time span.
+pub const IRRADIANCE_LABEL: &str = "akari_interreflection_irradiance";
+/// Label of the pass that shades pixels and of its time span.
+pub const SHADE_LABEL: &str = "akari_interreflection_shade";
+
+/// Layouts, shaders, the LTC table: what all views share.
+#[derive(Resource)]
+pub struct InterreflectionPipelines {
+    /// Bind group of the pass that lights patches.
+    pub irradiance_layout: BindGroupLayoutDescriptor,
+    /// Bind group of the shading pass.
+    pub shade_layout: BindGroupLayoutDescriptor,
+    /// The pass that lights patches.
+    pub irradiance: CachedComputePipelineId,
+    /// M⁻¹ and magnitude, two layers.
+    pub ltc_table: TextureView,
+    /// Bilinear, clamped.
+    pub table_sampler: Sampler,
+    vertex: VertexState,
+    shade_shader: Handle<Shader>,
+}
+
+/// Bytes of the LTC table on the GPU.
+pub fn ltc_table_bytes() -> u64 {
+    akari_math::ltc::table::TABLE_BYTES.len() as u64
+}
+
+impl InterreflectionPipelines {
+    /// Creates them and queues the compute pipeline.
+    pub fn new(
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        cache: &PipelineCache,
+        assets: &AssetServer,
+        fullscreen: &FullscreenShader,
+    ) -> Self {
+        let settings = uniform_buffer::<GpuInterreflectionView>(false);
+        let triangles = storage_buffer_read_only_sized(false, Some(GpuTriangle::min_size()));
+        let materials =
+            storage_buffer_read_only_sized(false, Some(GpuReflectorMaterial::min_size()));
+        let read = storage_buffer_read_only_sized(false, None);
+        let uint = texture_2d(TextureSampleType::Uint);
+        let irradiance_layout = BindGroupLayoutDescriptor::new(
+            "akari_interreflection_irradiance_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (settings, triangles, read, storage_buffer_sized(false, None)),
+            ),
+        );
+        let shade_layout = BindGroupLayoutDescriptor::new(
+            "akari_interreflection_shade_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (
+                    uniform_buffer::<ViewUniform>(true),
+                    settings,
+                    texture_depth_2d(),
+                    uint,
+                    uint,
+                    triangles,
+                    read,
+                    read,
+                    materials,
+                    texture_2d_array(TextureSampleType::Float { filterable: true }),
+                    sampler(SamplerBindingType::Filtering),
+                ),
+            ),
+        );
+        let irradiance = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(IRRADIANCE_LABEL.into()),
+            layout: vec![irradiance_layout.clone()],
+            shader: load_embedded_asset!(assets, "irradiance.wgsl"),
+            ..default()
+        });
+        Self {
+            irradiance_layout,
+            shade_layout,
+            irradiance,
+            ltc_table: upload_ltc_table(device, queue),
+            table_sampler: device.create_sampler(&SamplerDescriptor {
+                label: Some("akari_interreflection_table_sampler"),
+                mag_filter: FilterMode::Linear,
+                min_filter: FilterMode::Linear,
+                ..default()
+            }),
+            vertex: fullscreen.to_vertex_state(),
+            shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
+        }
+    }
+}
+
+/// The fitted table as a texture array of two layers.
+fn upload_ltc_table(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
+    use akari_math::ltc::table::{SIZE, TABLE_BYTES};
+    let size = SIZE as u32;
+    let texture = device.create_texture_with_data(
+        queue,
+        &TextureDescriptor {
+            label: Some("akari_interreflection_ltc_table"),
+            size: Extent3d {
+                width: size,
+                height: size,
+                depth_or_array_layers: 2,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: TextureFormat::Rgba16Float,
+            usage: TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        },
+        TextureDataOrder::LayerMajor,
+        TABLE_BYTES,
+    );
+    texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..default()
+    })
+}
+
+/// What makes one shading pipeline differ from another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ShadeKey {
+    /// Format of the view target.
+    pub target_format: TextureFormat,
+    /// Whether lobes are integrated by cosine lobes.
+    pub cosine_lobes: bool,
+}
+
+impl SpecializedRenderPipeline for InterreflectionPipelines {
+    type Key = ShadeKey;
+
+    fn specialize(&self, key: ShadeKey) -> RenderPipelineDescriptor {
+        let add = BlendComponent {
+            src_factor: BlendFactor::One,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
+        let mut shader_defs = Vec::new();
+        if key.cosine_lobes {
+            shader_defs.push("COSINE_LOBES".into());
+        }
+        RenderPipelineDescriptor {
+            label: Some(SHADE_LABEL.into()),
+            layout: vec![self.shade_layout.clone()],
+            vertex: self.vertex.clone(),
+            fragment: Some(FragmentState {
+                shader: self.shade_shader.clone(),
+                shader_defs,
+                targets: vec![Some(ColorTargetState {
+                    format: key.target_format,
+                    blend: Some(BlendState {
+                        color: add,
+                        alpha: add,
+                    }),
+                    write_mask: ColorWrites::COLOR,
+                })],
+                ..default()
+            }),
+            ..default()
+        }
+    }
+}

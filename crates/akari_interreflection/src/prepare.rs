@@ -1,0 +1,286 @@
+//! Buffers, bind groups and pipelines of the views that reflectors light, and their release.
+
+use crate::EFFECT;
+use crate::lights::{ReflectedLights, pack_lights};
+use crate::pipeline::{InterreflectionPipelines, ShadeKey, ltc_table_bytes};
+use crate::scene::{ReflectorScene, ViewInterreflection, cut};
+use crate::types::{GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle};
+use akari_render::area_lights::AreaLightPolygons;
+use akari_render::prelude::*;
+use bevy::core_pipeline::FullscreenShader;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::pbr::deferred::{DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID, PbrDeferredLightingDepthId};
+use bevy::prelude::*;
+use bevy::render::render_resource::encase::private::WriteInto;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::view::{ExtractedView, ViewUniforms};
+
+/// What lights and reflectors were when buffers were made.
+#[derive(Debug, Clone, PartialEq)]
+struct Made {
+    scene: u64,
+    lights: Vec<Vec4>,
+    patch: f32,
+    most_patches: u32,
+}
+
+/// What the passes of one view read and write.
+#[derive(Component)]
+pub struct ViewReflectors {
+    made: Made,
+    uniform: Buffer,
+    triangles: Buffer,
+    lights: Buffer,
+    patch_light: Buffer,
+    materials: Buffer,
+    /// Patches whose corners are lit.
+    pub patches: u32,
+    /// Triangles with a specular lobe.
+    pub glossy: u32,
+    light_count: u32,
+    /// Whether the patches are still to be lit.
+    pub stale: bool,
+    /// The shading pipeline.
+    pub shade: CachedRenderPipelineId,
+    /// Bind group of the pass that lights patches.
+    pub irradiance_group: Option<BindGroup>,
+    /// Bind group of the shading pass; made anew each frame, since the prepass textures may change.
+    pub shade_group: Option<BindGroup>,
+}
+
+/// Lets go of everything once no view is lit by reflectors.
+pub fn release(
+    mut commands: Commands,
+    views: Query<(), With<ViewInterreflection>>,
+    pipelines: Option<Res<InterreflectionPipelines>>,
+    ledger: Res<GpuLedger>,
+) {
+    if views.is_empty() && pipelines.is_some() {
+        commands.remove_resource::<InterreflectionPipelines>();
+        commands.remove_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
+        ledger.free(EFFECT);
+    }
+}
+
+/// Makes the shared resources when the first view is lit by reflectors.
+pub fn prepare_pipelines(
+    mut commands: Commands,
+    views: Query<(), With<ViewInterreflection>>,
+    existing: Option<Res<InterreflectionPipelines>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    cache: Res<PipelineCache>,
+    assets: Res<AssetServer>,
+    fullscreen: Res<FullscreenShader>,
+    ledger: Res<GpuLedger>,
+) {
+    if views.is_empty() || existing.is_some() {
+        return;
+    }
+    commands.insert_resource(InterreflectionPipelines::new(
+        &device,
+        &queue,
+        &cache,
+        &assets,
+        &fullscreen,
+    ));
+    commands.init_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
+    ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
+}
+
+/// Elements as the GPU reads them; one default element where there are none, since a binding cannot be empty.
+fn storage<T: ShaderType + WriteInto + ShaderSize + Default + Clone>(
+    device: &RenderDevice,
+    label: &'static str,
+    elements: &[T],
+) -> Buffer {
+    let padded = if elements.is_empty() {
+        vec![T::default()]
+    } else {
+        elements.to_vec()
+    };
+    let mut bytes = encase::StorageBuffer::new(Vec::new());
+    if let Err(error) = bytes.write(&padded) {
+        error!("interreflection: {label} could not be written: {error}");
+    }
+    device.create_buffer_with_data(&BufferInitDescriptor {
+        label: Some(label),
+        contents: bytes.as_ref(),
+        usage: BufferUsages::STORAGE,
+    })
+}
+
+/// Cuts and uploads reflectors and lights where either changed.
+pub fn prepare_reflectors(
+    mut commands: Commands,
+    views: Query<(
+        Entity,
+        &ExtractedView,
+        &ViewInterreflection,
+        Option<&PbrDeferredLightingDepthId>,
+        Option<&mut ViewReflectors>,
+    )>,
+    scene: Res<ReflectorScene>,
+    lights: Res<ReflectedLights>,
+    polygons: Res<AreaLightPolygons>,
+    pipelines: Option<Res<InterreflectionPipelines>>,
+    specialized: Option<ResMut<SpecializedRenderPipelines<InterreflectionPipelines>>>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    ledger: Res<GpuLedger>,
+) {
+    let (Some(pipelines), Some(mut specialized)) = (pipelines, specialized) else {
+        return;
+    };
+    if views.is_empty() {
+        return;
+    }
+    let (vectors, light_count) = pack_lights(&lights.lights, &polygons.lights);
+    for (entity, view, interreflection, pass_id, existing) in views {
+        let settings = &interreflection.settings;
+        let made = Made {
+            scene: scene.version,
+            lights: vectors.clone(),
+            patch: settings.patch,
+            most_patches: settings.most_patches,
+        };
+        let key = ShadeKey {
+            target_format: view.target_format,
+            cosine_lobes: settings.cosine_lobes().is_some(),
+        };
+        let shade = specialized.specialize(&cache, &pipelines, key);
+        let uniform_of = |patches, glossy, light_count| {
+            let uniform = GpuInterreflectionView {
+                patches,
+                glossy,
+                lights: light_count,
+                nodes: settings.nodes().unwrap_or(0),
+                lobes: settings.cosine_lobes().unwrap_or(0),
+                lighting_pass_id: pass_id
+                    .map_or(u32::from(DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID), |id| {
+                        u32::from(id.get())
+                    }),
+                pad: UVec2::ZERO,
+            };
+            let mut bytes = encase::UniformBuffer::new(Vec::new());
+            if let Err(error) = bytes.write(&uniform) {
+                error!("interreflection: the view's uniform could not be written: {error}");
+            }
+            bytes.into_inner()
+        };
+        if let Some(mut existing) = existing
+            && existing.made == made
+        {
+            existing.shade = shade;
+            let bytes = uniform_of(existing.patches, existing.glossy, existing.light_count);
+            queue.write_buffer(&existing.uniform, 0, &bytes);
+            continue;
+        }
+        let cut = cut(&scene, &lights.lights, &polygons.lights, settings);
+        let glossy = cut.triangles.len() as u32 - cut.patches;
+        let triangles =
+            storage::<GpuTriangle>(&device, "akari_interreflection_triangles", &cut.triangles);
+        let materials = storage::<GpuReflectorMaterial>(
+            &device,
+            "akari_interreflection_materials",
+            &scene.materials,
+        );
+        let light_buffer = device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("akari_interreflection_lights"),
+            contents: bytemuck::cast_slice(&vectors),
+            usage: BufferUsages::STORAGE,
+        });
+        let patch_light = device.create_buffer(&BufferDescriptor {
+            label: Some("akari_interreflection_patch_light"),
+            size: u64::from(cut.patches.max(1)) * 3 * size_of::<Vec4>() as u64,
+            usage: BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        });
+        let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("akari_interreflection_view"),
+            contents: &uniform_of(cut.patches, glossy, light_count),
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        });
+        let held = triangles.size()
+            + materials.size()
+            + light_buffer.size()
+            + patch_light.size()
+            + uniform.size();
+        ledger.set_bytes(EFFECT, format!("view {entity}"), held);
+        for (name, count) in [
+            ("interreflection diffuse patches", cut.patches),
+            ("interreflection glossy triangles", glossy),
+            ("interreflection triangles dropped", scene.dropped),
+        ] {
+            ledger.set_counter(name, u64::from(count));
+        }
+        commands.entity(entity).insert(ViewReflectors {
+            made,
+            uniform,
+            triangles,
+            lights: light_buffer,
+            patch_light,
+            materials,
+            patches: cut.patches,
+            glossy,
+            light_count,
+            stale: true,
+            shade,
+            irradiance_group: None,
+            shade_group: None,
+        });
+    }
+}
+
+/// Binds what the passes read. Until it has run for a view, its passes do nothing.
+pub fn prepare_bind_groups(
+    views: Query<(&ViewPrepassTextures, &mut ViewReflectors)>,
+    pipelines: Option<Res<InterreflectionPipelines>>,
+    view_uniforms: Res<ViewUniforms>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+) {
+    let Some(pipelines) = pipelines else { return };
+    for (prepass, mut view) in views {
+        let irradiance = device.create_bind_group(
+            "akari_interreflection_irradiance",
+            &cache.get_bind_group_layout(&pipelines.irradiance_layout),
+            &BindGroupEntries::sequential((
+                view.uniform.as_entire_binding(),
+                view.triangles.as_entire_binding(),
+                view.lights.as_entire_binding(),
+                view.patch_light.as_entire_binding(),
+            )),
+        );
+        view.irradiance_group = Some(irradiance);
+        view.shade_group = None;
+        let (Some(view_uniform), Some(depth), Some(gbuffer), Some(pass_id)) = (
+            view_uniforms.uniforms.binding(),
+            prepass.depth_view(),
+            prepass.deferred_view(),
+            prepass.deferred_lighting_pass_id.as_ref(),
+        ) else {
+            continue;
+        };
+        let shade = device.create_bind_group(
+            "akari_interreflection_shade",
+            &cache.get_bind_group_layout(&pipelines.shade_layout),
+            &BindGroupEntries::sequential((
+                view_uniform,
+                view.uniform.as_entire_binding(),
+                depth,
+                gbuffer,
+                &pass_id.texture.default_view,
+                view.triangles.as_entire_binding(),
+                view.lights.as_entire_binding(),
+                view.patch_light.as_entire_binding(),
+                view.materials.as_entire_binding(),
+                &pipelines.ltc_table,
+                &pipelines.table_sampler,
+            )),
+        );
+        view.shade_group = Some(shade);
+    }
+}

@@ -1,0 +1,284 @@
+//! The reflectors of the scene in the render world, rebuilt when one of them or its mesh or material changed.
+
+use crate::EFFECT;
+use crate::geometry::{
+    ReflectorMesh, is_diffuse, is_glossy, place_triangle, reflector_material, split,
+};
+use crate::lights::{PunctualLight, nearest_distance};
+use crate::reflector::Reflector;
+use crate::settings::{DefaultInterreflection, Interreflection};
+use crate::types::{GpuReflectorMaterial, GpuTriangle};
+use akari_render::area_lights::AreaLightPolygon;
+use akari_render::camera::GathersBounces;
+use akari_render::prelude::*;
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::sync_world::RenderEntity;
+
+/// All reflectors. Empty while the effect is idle.
+#[derive(Resource, Debug, Default)]
+pub struct ReflectorScene {
+    /// Triangles in the world.
+    pub triangles: Vec<GpuTriangle>,
+    /// Their materials.
+    pub materials: Vec<GpuReflectorMaterial>,
+    /// Triangles that were left out: without area, or not finite.
+    pub dropped: u32,
+    /// Counts up with each change.
+    pub version: u64,
+}
+
+/// On a view in the render world: it is to be lit by reflectors, in this way.
+#[derive(Component, Debug, Clone, Copy, PartialEq)]
+pub struct ViewInterreflection {
+    /// The camera's settings.
+    pub settings: Interreflection,
+}
+
+/// Marks the views.
+pub fn extract_views(
+    mut commands: Commands,
+    cameras: Extract<
+        Query<
+            (RenderEntity, &Camera, Option<&Interreflection>),
+            (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>),
+        >,
+    >,
+    defaults: Extract<Res<DefaultInterreflection>>,
+    report: Extract<Res<EffectReport>>,
+    marked: Query<Entity, With<ViewInterreflection>>,
+) {
+    let mut wanted = HashSet::<Entity>::default();
+    if report.is_active(EFFECT) {
+        for (view, camera, settings) in &cameras {
+            if camera.is_active {
+                wanted.insert(view);
+                commands.entity(view).insert(ViewInterreflection {
+                    settings: settings.copied().unwrap_or(defaults.0),
+                });
+            }
+        }
+    }
+    for view in &marked {
+        if !wanted.contains(&view) {
+            commands
+                .entity(view)
+                .remove::<(ViewInterreflection, crate::prepare::ViewReflectors)>();
+        }
+    }
+}
+
+type ReflectorQuery = (
+    Entity,
+    &'static Mesh3d,
+    &'static MeshMaterial3d<StandardMaterial>,
+    &'static GlobalTransform,
+    &'static InheritedVisibility,
+);
+type ReflectorChanged = (
+    With<Reflector>,
+    Or<(
+        Added<Reflector>,
+        Changed<Mesh3d>,
+        Changed<MeshMaterial3d<StandardMaterial>>,
+        Changed<GlobalTransform>,
+        Changed<InheritedVisibility>,
+    )>,
+);
+
+/// What may have gone.
+#[derive(bevy::ecs::system::SystemParam)]
+pub struct Removed<'w, 's> {
+    marks: Extract<'w, 's, RemovedComponents<'static, 'static, Reflector>>,
+    meshes: Extract<'w, 's, RemovedComponents<'static, 'static, Mesh3d>>,
+    mesh_events: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<Mesh>>>,
+    material_events: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<StandardMaterial>>>,
+}
+
+/// Rebuilds [`ReflectorScene`] if a reflector was added, changed, moved, shown, hidden or removed.
+pub fn extract_reflectors(
+    mut scene: ResMut<ReflectorScene>,
+    reflectors: Extract<Query<ReflectorQuery, With<Reflector>>>,
+    changed: Extract<Query<(), ReflectorChanged>>,
+    mut removed: Removed,
+    meshes: Extract<Res<Assets<Mesh>>>,
+    materials: Extract<Res<Assets<StandardMaterial>>>,
+    report: Extract<Res<EffectReport>>,
+    names: Extract<Query<NameOrEntity>>,
+    mut warned: Local<HashSet<Entity>>,
+    mut was_active: Local<bool>,
+) {
+    let events = removed.marks.read().count()
+        + removed.meshes.read().count()
+        + removed.mesh_events.read().count()
+        + removed.material_events.read().count();
+    let active = report.is_active(EFFECT);
+    if !active {
+        if *was_active {
+            let version = scene.version + 1;
+            *scene = ReflectorScene {
+                version,
+                ..ReflectorScene::default()
+            };
+        }
+        *was_active = false;
+        return;
+    }
+    if *was_active && events == 0 && changed.is_empty() {
+        return;
+    }
+    *was_active = true;
+    let version = scene.version + 1;
+    *scene = ReflectorScene {
+        version,
+        ..ReflectorScene::default()
+    };
+    let mut known_meshes: HashMap<AssetId<Mesh>, Option<ReflectorMesh>> = HashMap::default();
+    let mut known_materials: HashMap<AssetId<StandardMaterial>, Option<u32>> = HashMap::default();
+    // In the order of entities, so that sums do not depend on that of archetypes.
+    let mut sorted: Vec<_> = reflectors.iter().collect();
+    sorted.sort_unstable_by_key(|(entity, ..)| *entity);
+    for (entity, mesh, material, transform, visible) in sorted {
+        let Some(standard) = materials.get(&material.0) else {
+            continue;
+        };
+        if !visible.get() {
+            continue;
+        }
+        let ReflectorScene {
+            materials: gpu_materials,
+            ..
+        } = &mut *scene;
+        let index = *known_materials.entry(material.id()).or_insert_with(|| {
+            let gpu = reflector_material(standard)?;
+            gpu_materials.push(gpu);
+            Some(gpu_materials.len() as u32 - 1)
+        });
+        let Some(index) = index else { continue };
+        let Some(asset) = meshes.get(mesh.id()) else {
+            continue;
+        };
+        let geometry = known_meshes.entry(mesh.id()).or_insert_with(|| {
+            ReflectorMesh::new(asset)
+                .inspect_err(|fault| {
+                    if warned.insert(entity) {
+                        let name = names
+                            .get(entity)
+                            .map_or_else(|_| entity.to_string(), |name| name.to_string());
+                        warn!("the mesh of {name} reflects nothing: {fault}");
+                    }
+                })
+                .ok()
+        });
+        let Some(geometry) = geometry else { continue };
+        let affine = transform.affine();
+        let two_sided = standard.double_sided || standard.cull_mode.is_none();
+        let placed: Vec<_> = geometry
+            .triangles
+            .iter()
+            .filter_map(|(corners, normals)| {
+                place_triangle(corners, normals, &affine, index, two_sided)
+            })
+            .collect();
+        scene.dropped += geometry.dropped + (geometry.triangles.len() - placed.len()) as u32;
+        scene.triangles.extend(placed);
+    }
+}
+
+/// What a setting of patches makes of the scene.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Triangles {
+    /// Diffuse patches, then glossy triangles.
+    pub triangles: Vec<GpuTriangle>,
+    /// How many of them are patches.
+    pub patches: u32,
+}
+
+/// Halvings of a triangle at most: a thousandth of its longest edge.
+const MOST_HALVINGS: u32 = 20;
+
+/// Cuts the diffuse triangles into patches. If there are more than the settings allow, all become larger alike.
+pub fn cut(
+    scene: &ReflectorScene,
+    lights: &[PunctualLight],
+    polygons: &[AreaLightPolygon],
+    settings: &Interreflection,
+) -> Triangles {
+    let of = |keep: fn(&GpuReflectorMaterial) -> bool| {
+        scene
+            .triangles
+            .iter()
+            .filter(move |triangle| keep(&scene.materials[triangle.material as usize]))
+    };
+    let mut share = settings.patch.max(1e-3);
+    let mut patches = Vec::new();
+    // Each try makes a quarter as many; a scene of more triangles than patches is left as it is.
+    for _ in 0..8 {
+        patches.clear();
+        let fine = |triangle: &GpuTriangle, longest: f32| {
+            let middle = (triangle.a + triangle.b + triangle.c) / 3.0;
+            longest <= share * nearest_distance(lights, polygons, middle)
+        };
+        for triangle in of(is_diffuse) {
+            split(*triangle, MOST_HALVINGS, &fine, &mut patches);
+            if patches.len() > 4 * settings.most_patches as usize {
+                break;
+            }
+        }
+        if patches.len() <= settings.most_patches as usize {
+            break;
+        }
+        share *= 2.0;
+    }
+    if patches.len() > settings.most_patches as usize {
+        patches = of(is_diffuse).copied().collect();
+    }
+    let count = patches.len() as u32;
+    patches.extend(of(is_glossy));
+    Triangles {
+        triangles: patches,
+        patches: count,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_are_finer_near_a_light_and_bounded_in_number() {
+        let scene = ReflectorScene {
+            triangles: vec![GpuTriangle {
+                b: Vec3::X * 4.0,
+                c: Vec3::Y * 4.0,
+                ..GpuTriangle::default()
+            }],
+            materials: vec![GpuReflectorMaterial {
+                diffuse_color: Vec3::ONE,
+                grazing_reflectance: 1.0,
+                ..GpuReflectorMaterial::default()
+            }],
+            ..ReflectorScene::default()
+        };
+        let light = PunctualLight::Point {
+            position: Vec3::new(0.0, 0.0, 0.5),
+            intensity: Vec3::ONE,
+            range: 10.0,
+            spot: None,
+        };
+        let mut settings = Interreflection::default();
+        let cut_to = |settings: &Interreflection| cut(&scene, &[light], &[], settings);
+        let fine = cut_to(&settings);
+        let longest = |triangle: &GpuTriangle| triangle.a.distance(triangle.b);
+        let (near, far) = (fine.triangles[..fine.patches as usize].iter())
+            .partition::<Vec<&GpuTriangle>, _>(|triangle| triangle.a.length() < 1.0);
+        let mean = |list: &[&GpuTriangle]| {
+            list.iter().map(|triangle| longest(triangle)).sum::<f32>() / list.len() as f32
+        };
+        assert!(mean(&near) < 0.5 * mean(&far));
+        assert_eq!(fine.triangles.len() as u32, fine.patches + 1, "one glossy");
+        settings.most_patches = 64;
+        assert!(cut_to(&settings).patches <= 64);
+    }
+}

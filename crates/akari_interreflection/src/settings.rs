@@ -1,0 +1,147 @@
+//! Settings of the interreflection of a view.
+
+use akari_render::prelude::*;
+use bevy::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Nodes an edge of the tiers above [`LAST_COSINE_TIER`], in order.
+pub const NODES: [u32; 6] = [1, 2, 3, 4, 6, 8];
+/// Tiers up to this one use as many cosine lobes as their number.
+pub const LAST_COSINE_TIER: u32 = 3;
+
+/// How light between reflectors and what a camera sees is computed. On a camera, for that camera; every other
+/// [`AkariCamera`] takes [`DefaultInterreflection`].
+#[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[require(AkariCamera)]
+#[serde(default, deny_unknown_fields)]
+pub struct Interreflection {
+    /// How a spherical Gaussian is integrated over a triangle: 1 to 3 cosine lobes (Okada and Iwasaki 2017), or, from 4 to 9,
+    /// 1, 2, 3, 4, 6 or 8 nodes on each edge (`akari_math::sg::polygon`).
+    pub tier: u32,
+    /// Longest edge of a patch of a diffuse reflector, as a share of its distance from the nearest light. 0.05 to 4.
+    ///
+    /// Radiance is exact at the corners of patches and interpolated between them.
+    pub patch: f32,
+    /// Most patches of all reflectors together. 64 to 65,536: where they would be more, all become larger alike.
+    pub most_patches: u32,
+}
+
+/// Settings of every camera that has an [`AkariCamera`] but no [`Interreflection`].
+#[derive(Resource, Debug, Default, Clone, Copy, PartialEq, Reflect)]
+#[reflect(Resource, Default, Debug, Clone, PartialEq)]
+pub struct DefaultInterreflection(pub Interreflection);
+
+impl Default for Interreflection {
+    fn default() -> Self {
+        Self::preset(Quality::default())
+    }
+}
+
+impl Interreflection {
+    /// Cosine lobes of the tier, if it is one of those.
+    pub fn cosine_lobes(&self) -> Option<u32> {
+        (self.tier <= LAST_COSINE_TIER).then(|| self.tier.max(1))
+    }
+
+    /// Nodes an edge of the tier, if it has any.
+    pub fn nodes(&self) -> Option<u32> {
+        let index = self.tier.checked_sub(LAST_COSINE_TIER + 1)?;
+        Some(NODES[(index as usize).min(NODES.len() - 1)])
+    }
+}
+
+impl Knobs for Interreflection {
+    const KNOBS: &'static [Knob] = &[
+        Knob {
+            name: "tier",
+            what: "integral of a lobe over a triangle: 1 to 3 cosine lobes; 4 to 9: 1, 2, 3, 4, 6, 8 nodes an edge",
+            min: 1.0,
+            max: 9.0,
+            integer: true,
+            presets: [4.0, 5.0, 6.0, 9.0],
+            cost: "8 nodes cost 1.8 times what 1 node does",
+        },
+        Knob {
+            name: "patch",
+            what: "longest edge of a diffuse patch over its distance from the nearest light",
+            min: 0.05,
+            max: 4.0,
+            integer: false,
+            presets: [1.0, 0.5, 0.25, 0.125],
+            cost: "half the edge makes four times the patches",
+        },
+        Knob {
+            name: "most_patches",
+            what: "diffuse patches of all reflectors together",
+            min: 64.0,
+            max: 65536.0,
+            integer: true,
+            presets: [512.0, 2048.0, 8192.0, 65536.0],
+            cost: "time of a pixel grows with the patches",
+        },
+    ];
+
+    fn value(&self, name: &str) -> Option<f32> {
+        match name {
+            "tier" => Some(self.tier as f32),
+            "patch" => Some(self.patch),
+            "most_patches" => Some(self.most_patches as f32),
+            _ => None,
+        }
+    }
+
+    fn store(&mut self, name: &str, value: f32) {
+        match name {
+            "tier" => self.tier = value as u32,
+            "patch" => self.patch = value,
+            "most_patches" => self.most_patches = value as u32,
+            _ => {}
+        }
+    }
+
+    fn preset(quality: Quality) -> Self {
+        let mut settings = Self {
+            tier: 1,
+            patch: 1.0,
+            most_patches: 64,
+        };
+        for knob in Self::KNOBS {
+            settings.store(knob.name, knob.presets[quality as usize]);
+        }
+        settings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_reads_back_what_was_set() {
+        for knob in Interreflection::KNOBS {
+            let mut settings = Interreflection::preset(Quality::Low);
+            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
+                settings
+                    .set_knob(knob.name, value)
+                    .expect("presets and limits are valid");
+                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
+            }
+        }
+    }
+
+    #[test]
+    fn each_tier_is_lobes_or_nodes() {
+        let of = |tier| {
+            let settings = Interreflection {
+                tier,
+                ..Interreflection::default()
+            };
+            (settings.cosine_lobes(), settings.nodes())
+        };
+        assert_eq!(of(3), (Some(3), None));
+        assert_eq!(of(4), (None, Some(1)));
+        assert_eq!(of(9), (None, Some(8)));
+        assert_eq!(of(99), (None, Some(8)));
+    }
+}

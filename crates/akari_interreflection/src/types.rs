@@ -1,0 +1,76 @@
+//! What the GPU reads, field by field as in `types.wgsl`.
+
+use bevy::math::{UVec2, Vec3};
+use bevy::render::render_resource::ShaderType;
+
+/// Invocations of a workgroup of the pass that lights patches, as in `irradiance.wgsl`.
+pub const IRRADIANCE_WORKGROUP: u32 = 64;
+/// Bit of [`GpuTriangle::flags`]: its back reflects, too.
+pub const FLAG_TWO_SIDED: u32 = 1;
+/// Vectors of a light, as in `types.wgsl`.
+pub const LIGHT_STRIDE: u32 = 4;
+/// Kind of a light that is infinitely far away.
+pub const KIND_DIRECTIONAL: u32 = 0;
+/// Kind of a light that is a point.
+pub const KIND_POINT: u32 = 1;
+/// Kind of a light that is a polygon.
+pub const KIND_POLYGON: u32 = 2;
+
+/// A triangle of a reflector, or a patch of one.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuTriangle {
+    /// Corners in the world, metres, counter-clockwise as seen from the front.
+    pub a: Vec3,
+    /// Index of its material.
+    pub material: u32,
+    /// Second corner.
+    pub b: Vec3,
+    /// Combination of `FLAG_…`.
+    pub flags: u32,
+    /// Third corner.
+    pub c: Vec3,
+    /// Render layers would go here; not used.
+    pub pad: u32,
+    /// Unit normal at each corner.
+    pub normal_a: Vec3,
+    /// Unit normal at the second corner.
+    pub normal_b: Vec3,
+    /// Unit normal at the third corner.
+    pub normal_c: Vec3,
+}
+
+/// How a reflector reflects (`akari_math::area_light::SurfaceReflectance`).
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuReflectorMaterial {
+    /// Albedo of the diffuse part before what the dielectric interface keeps from it.
+    pub diffuse_color: Vec3,
+    /// Perceptual roughness.
+    pub perceptual_roughness: f32,
+    /// Fresnel reflectance at normal incidence.
+    pub normal_reflectance: Vec3,
+    /// The same at grazing incidence.
+    pub grazing_reflectance: f32,
+    /// Of the dielectric alone, at normal and grazing incidence.
+    pub dielectric_normal_reflectance: f32,
+    /// See above.
+    pub dielectric_grazing_reflectance: f32,
+}
+
+/// What the passes know beside Bevy's view uniform.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuInterreflectionView {
+    /// Diffuse patches: the first entries of the triangles.
+    pub patches: u32,
+    /// Glossy triangles: the entries after those.
+    pub glossy: u32,
+    /// Lights.
+    pub lights: u32,
+    /// Nodes an edge, or 0.
+    pub nodes: u32,
+    /// Cosine lobes, where there are no nodes.
+    pub lobes: u32,
+    /// Lighting pass id of Bevy's standard deferred materials.
+    pub lighting_pass_id: u32,
+    /// Padding.
+    pub pad: UVec2,
+}

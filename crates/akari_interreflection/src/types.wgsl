@@ -1,0 +1,41 @@
+#define_import_path akari_interreflection::types
+
+// What the CPU writes, field by field as in `types.rs`.
+
+const IRRADIANCE_WORKGROUP: u32 = 64u;
+const FLAG_TWO_SIDED: u32 = 1u;
+const LIGHT_STRIDE: u32 = 4u;
+const KIND_DIRECTIONAL: u32 = 0u;
+const KIND_POINT: u32 = 1u;
+const KIND_POLYGON: u32 = 2u;
+
+struct Triangle {
+    a: vec3<f32>,
+    material: u32,
+    b: vec3<f32>,
+    flags: u32,
+    c: vec3<f32>,
+    pad: u32,
+    normal_a: vec3<f32>,
+    normal_b: vec3<f32>,
+    normal_c: vec3<f32>,
+}
+
+struct ReflectorMaterial {
+    diffuse_color: vec3<f32>,
+    perceptual_roughness: f32,
+    normal_reflectance: vec3<f32>,
+    grazing_reflectance: f32,
+    dielectric_normal_reflectance: f32,
+    dielectric_grazing_reflectance: f32,
+}
+
+struct InterreflectionView {
+    patches: u32,
+    glossy: u32,
+    lights: u32,
+    nodes: u32,
+    lobes: u32,
+    lighting_pass_id: u32,
+    pad: vec2<u32>,
+}

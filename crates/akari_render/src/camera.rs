@@ -9,8 +9,9 @@ use bevy::prelude::*;
 /// Asks for the effects of `bevy_akari` on this camera: each one that the scene calls for, and no other.
 ///
 /// Brings what the passes read: Bevy's depth and deferred prepass, an HDR target, and no multisampling (deferred
-/// rendering has none). Materials are drawn deferred only if they ask for it or if
-/// [`DefaultOpaqueRendererMethod`](bevy::pbr::DefaultOpaqueRendererMethod) says so; `AkariPlugins` sets that.
+/// rendering has none). From the first one on, opaque materials are drawn deferred unless they ask not to
+/// ([`DefaultOpaqueRendererMethod`](bevy::pbr::DefaultOpaqueRendererMethod)), and cameras without this component get both
+/// prepasses as well, since they would not draw those materials otherwise.
 ///
 /// The settings of an effect come from its settings component on the camera, else from the resource of the same type.
 #[derive(Component, Debug, Default, Clone, Copy, Reflect)]

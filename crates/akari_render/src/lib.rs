@@ -16,7 +16,6 @@
 //!
 //! An effect crate depends on this one and on `akari_math`, and on no other effect.
 
-use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
 use bevy::render::ExtractSchedule;
 
@@ -24,6 +23,7 @@ pub mod area_lights;
 pub mod camera;
 pub mod capture;
 pub mod census;
+mod deferred;
 pub mod demand;
 pub mod emission;
 pub mod faults;
@@ -73,8 +73,7 @@ impl Plugin for AkariRenderPlugin {
                     .chain()
                     .after(TransformSystems::Propagate),
             );
-        // The passes light what the deferred prepass draws.
-        app.insert_resource(DefaultOpaqueRendererMethod::deferred());
+        deferred::build(app);
         let ledger = ledger::GpuLedger::default();
         app.insert_resource(ledger.clone())
             .init_resource::<ledger::CollectCounters>();

@@ -177,7 +177,7 @@ fn record_demand(census: Res<Census>, mut report: ResMut<EffectReport>) {
 
 /// The signals of this camera are those of voxels: nobody else asked for them.
 #[derive(Component)]
-struct SignalsOfVoxels;
+pub(crate) struct SignalsOfVoxels;
 
 /// A camera makes signals while there is light to gather; else nobody needs its lobes and its guides.
 fn want_signals(

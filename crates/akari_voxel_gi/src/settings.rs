@@ -1,6 +1,7 @@
 //! Settings of the voxel GI of a camera.
 
 use crate::clipmap::ClipmapShape;
+use crate::demand::SignalsOfVoxels;
 use crate::types::MOST_PAGES;
 use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
@@ -59,7 +60,7 @@ pub struct VoxelGi {
 /// Takes away what the component brought.
 fn stop(mut world: DeferredWorld, context: HookContext) {
     if let Ok(mut camera) = world.commands().get_entity(context.entity) {
-        camera.try_remove::<GathersBounces>();
+        camera.try_remove::<(GathersBounces, SignalsOfVoxels)>();
     }
     stop_signals(world, context);
 }

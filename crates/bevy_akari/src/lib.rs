@@ -58,7 +58,8 @@ pub mod prelude {
 
 /// All effects.
 ///
-/// Makes deferred rendering the default for opaque materials; everything else of Bevy stays as it is.
+/// Makes deferred rendering the default for opaque materials from the first [`AkariCamera`](prelude::AkariCamera) on;
+/// everything else of Bevy stays as it is.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct AkariPlugins;
 

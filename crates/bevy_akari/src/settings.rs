@@ -101,6 +101,7 @@ impl AkariSettings {
             lobes: self.lobes.effective(),
             denoise: self.denoise.effective(),
             voxel_gi: self.voxel_gi.effective(),
+            interreflection: self.interreflection.effective(),
         }
     }
 

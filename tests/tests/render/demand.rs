@@ -4,7 +4,7 @@ use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::prelude::*;
 use bevy_akari::area_light::EFFECT;
 use bevy_akari::area_light::pipeline::{CULL_LABEL, SHADE_LABEL};
-use bevy_akari::headless::Headless;
+use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::prelude::*;
 use bevy_akari_tests::*;
 use std::collections::BTreeSet;
@@ -221,4 +221,62 @@ fn images_cost_only_while_a_textured_light_is_there() {
         plain_bytes,
         "and gives it back"
     );
+}
+
+/// The plugins draw opaque materials deferred; a camera that did not ask for anything must see them all the same, in an
+/// app without any camera that did (where nothing changes), and beside one that comes later.
+#[test]
+fn a_camera_that_asks_for_nothing_draws_as_before() {
+    let Some(mut headless) = headless_or_skip("a_camera_that_asks_for_nothing") else {
+        return;
+    };
+    spawn_floor_and_ball(
+        &mut headless,
+        StandardMaterial {
+            base_color: Color::srgb(0.8, 0.3, 0.2),
+            perceptual_roughness: 0.6,
+            ..default()
+        },
+    );
+    headless.app.world_mut().spawn((
+        DirectionalLight {
+            illuminance: 10.0,
+            ..default()
+        },
+        Transform::from_xyz(1.0, 3.0, 2.0).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    let plain = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
+    let before = picture(&mut headless, plain);
+    assert!(rms(&before) > 0.1, "nothing is drawn: {}", rms(&before));
+    let has_prepass =
+        |headless: &Headless| headless.app.world().get::<DeferredPrepass>(plain).is_some();
+    assert!(
+        !has_prepass(&headless),
+        "without any AkariCamera, cameras stay as they are"
+    );
+
+    let ours = spawn_camera(&mut headless, 64, Vec3::new(0.0, 2.0, 4.0));
+    headless
+        .app
+        .world_mut()
+        .entity_mut(ours)
+        .insert(AkariCamera);
+    let ours = picture(&mut headless, ours);
+    let after = picture(&mut headless, plain);
+    assert!(has_prepass(&headless));
+    // Forward and deferred lighting differ by the rounding of the G-buffer: base colours of 8 bits.
+    let difference = |a: &ReadImage, b: &ReadImage| {
+        let sum: f64 = a
+            .data
+            .iter()
+            .zip(&b.data)
+            .flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c] - b[c]).powi(2)))
+            .sum();
+        (sum / (3 * a.data.len()) as f64).sqrt() / rms(a)
+    };
+    for (name, picture) in [("the other camera", &after), ("ours", &ours)] {
+        let difference = difference(&before, picture);
+        println!("{name}: {difference:.4} of the forward picture");
+        assert!(difference < 0.05, "{name}: {difference}");
+    }
 }

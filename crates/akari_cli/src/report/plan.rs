@@ -59,7 +59,7 @@ pub struct Variant {
 /// Scenes of the repository that show what an effect does.
 fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
     match (effect, quick) {
-        ("area_lights", true) => &["spheres_quad", "spheres_textured"],
+        ("area_lights", true) => &["many_lights", "spheres_textured"],
         ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],

@@ -145,27 +145,31 @@ fn choose(standings: &[Standing], quality: Quality) -> Option<&Standing> {
     present.or(most_exact).copied()
 }
 
-/// Settings of the report that are presets and that another one beats: no slower, and more exact on no scene less; or
-/// as exact and faster.
+/// Presets of the report that another setting clearly beats: as exact and faster, or more exact in no more time, by more
+/// than [`TIME_TIE`] each, so that the noise of the clock calls no preset beaten.
 #[cfg(test)]
 fn beaten(standings: &[Standing]) -> Vec<String> {
-    let figures: Vec<_> = standings
-        .iter()
-        .map(|one| (one.cost, one.worst_error))
-        .collect();
-    standings
-        .iter()
-        .zip(super::document::front(&figures))
-        .filter(|(one, on_front)| !one.presets.is_empty() && !on_front)
-        .map(|(one, _)| {
-            format!(
-                "{} ({:.3} times the least time, {:.4} the least error)",
+    let beats = |other: &Standing, one: &Standing| {
+        let as_exact = other.worst_error <= one.worst_error * (1.0 + ERROR_TIE);
+        let faster = other.cost < one.cost * (1.0 - TIME_TIE);
+        let more_exact = other.worst_error < one.worst_error * (1.0 - TIME_TIE);
+        (faster && as_exact) || (more_exact && other.cost <= one.cost)
+    };
+    let mut beaten = Vec::new();
+    for one in standings.iter().filter(|one| !one.presets.is_empty()) {
+        if let Some(other) = standings.iter().find(|other| beats(other, one)) {
+            beaten.push(format!(
+                "{} ({:.3} of the least time, {:.4} of the least error) by {:?} ({:.3}, {:.4})",
                 one.presets.join(", "),
                 one.cost,
-                one.worst_error
-            )
-        })
-        .collect()
+                one.worst_error,
+                other.settings,
+                other.cost,
+                other.worst_error
+            ));
+        }
+    }
+    beaten
 }
 
 /// The answer to "I have so many milliseconds: which setting, and how wrong is it?", as Markdown.
@@ -337,6 +341,9 @@ mod tests {
         // As near as the best comes, where it is not the best on every scene.
         standings[5].worst_error = 1.05;
         assert_eq!(costs(&standings)[3], Some(9.0));
+        // A tie beats nobody; a tenth of the time does.
+        assert!(beaten(&standings).is_empty(), "{:?}", beaten(&standings));
+        standings[3].cost = 3.6;
         assert_eq!(beaten(&standings).len(), 1, "{:?}", beaten(&standings));
     }
 }

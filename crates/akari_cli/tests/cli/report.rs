@@ -81,7 +81,7 @@ fn refuses_what_it_cannot_measure() {
     .concat();
     place.refused(&known, USAGE, &["raytracing", "area_lights"]);
     // No folder of scenes where the command runs.
-    place.refused(&report, INPUT, &["assets/scenes/spheres_quad.glb"]);
+    place.refused(&report, INPUT, &["assets/scenes/many_lights.glb"]);
     place.refused(
         &[&report[..], &["--frames", "0"]].concat(),
         USAGE,

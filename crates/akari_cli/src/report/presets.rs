@@ -185,7 +185,7 @@ pub fn cost_table(report: &Report) -> String {
     for curve in &report.curves {
         let _ = write!(
             text,
-            "\n**{} on {}** ({} x {}): {}; reference of {} samples a pixel{}.\n\n\
+            "\n`{}` on `{}` ({} x {}): {}; reference of {} samples a pixel{}.\n\n\
              | ms | relative RMSE | bias | flicker | memory | setting | presets |\n|---|---|---|---|---|---|---|\n",
             curve.effect,
             curve.scene,
@@ -210,7 +210,7 @@ pub fn cost_table(report: &Report) -> String {
                 .collect();
             let _ = writeln!(
                 text,
-                "| {} | {} % | {} % | {} % | {:.2} MB | {} | {} |",
+                "| {} | {} % | {} % | {} % | {:.2} MB | `{}` | {} |",
                 figure(point.cost_ms()),
                 figure(100.0 * point.error.rel_rmse),
                 figure(100.0 * point.error.bias),

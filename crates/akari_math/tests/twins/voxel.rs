@@ -152,7 +152,7 @@ fn bricks_and_records() -> Vec<Case> {
             domains: vec![domain(
                 "all pages, spans from none to the whole turn",
                 rows(905, 600, |r, row| {
-                    row.extend([(r.next() % 300) as f32, r.range(0.0, 1.0).powi(3) as f32]);
+                    row.extend([(r.next() % 300) as f32, r.range(0.0, 1.0).powi(3)]);
                     row.push((r.next() % 65_536) as f32);
                     push_word(row, r.next() as u32);
                     let span = match r.next() % 4 {

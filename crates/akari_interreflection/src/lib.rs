@@ -1,7 +1,7 @@
 //! One bounce of light between surfaces for Bevy, diffuse and glossy in both roles, analytic and free of noise.
 //!
 //! **What**: light of area, point, spot and directional lights that meshes marked [`Reflector`](reflector::Reflector) send on
-//! to opaque deferred [`StandardMaterial`](bevy::pbr::StandardMaterial)s, once.
+//! to opaque deferred [`StandardMaterial`]s, once.
 //!
 //! **Method**: the diffuse part of a reflector is lit at the corners of patches, which then shine as polygonal lights (LTC
 //! of Heitz et al. 2016 for glossy receivers) with the radiance at the point that the receiver's lobe looks at. The glossy

@@ -3,6 +3,7 @@
 use super::summary::AkariSummary;
 use crate::budget::{BudgetLog, FrameBudget, pass_times};
 use crate::settings::AkariSettings;
+use akari_render::camera::AkariCamera;
 use akari_render::demand::EffectReport;
 use akari_render::ledger::GpuLedger;
 use bevy::diagnostic::DiagnosticsStore;
@@ -93,8 +94,20 @@ fn write_summary(world: &mut World, mut frames: Local<u32>) {
     world.resource_mut::<AkariSummary>().set_if_neq(summary);
 }
 
+/// The camera that the text is drawn over: the last active one that asks for effects. Else Bevy chooses, which takes none
+/// that draws into an image.
+fn overlaid_camera(cameras: &Query<(Entity, &Camera), With<AkariCamera>>) -> Option<Entity> {
+    cameras
+        .iter()
+        .filter(|(_, camera)| camera.is_active)
+        .max_by_key(|(_, camera)| camera.order)
+        .map(|(entity, _)| entity)
+}
+
 fn show_overlay(
     mut commands: Commands,
+    cameras: Query<(Entity, &Camera), With<AkariCamera>>,
+    targets: Query<&UiTargetCamera>,
     overlay: Res<AkariOverlay>,
     summary: Res<AkariSummary>,
     mut texts: Query<(Entity, &mut Text, &mut TextFont), With<OverlayText>>,
@@ -106,10 +119,20 @@ fn show_overlay(
         }
         return;
     };
+    let root = roots.get(entity).map_or(entity, ChildOf::parent);
     if !overlay.visible {
-        let root = roots.get(entity).map_or(entity, ChildOf::parent);
         commands.entity(root).despawn();
         return;
+    }
+    let present = targets.get(root).ok().map(|target| target.0);
+    match overlaid_camera(&cameras) {
+        wanted if wanted == present => {}
+        Some(camera) => {
+            commands.entity(root).insert(UiTargetCamera(camera));
+        }
+        None => {
+            commands.entity(root).remove::<UiTargetCamera>();
+        }
     }
     if summary.is_changed() {
         text.0 = summary.to_string();

@@ -161,7 +161,7 @@ fn setup(
         let turn = PI * (0.1 + 0.8 * light as f32 / (LIGHTS - 1) as f32);
         let position = DISTANCE_METRES * Vec3::new(turn.cos(), 0.0, -turn.sin()) + 1.0 * Vec3::Y;
         commands.spawn((
-            PolygonLight::rectangle(0.9, 1.2).with_luminance(3.0),
+            PolygonLight::rectangle(0.9, 1.2).with_luminance(15.0),
             AreaLightTexture::new(images.add(stripes(light))),
             Transform::from_translation(position).looking_at(0.4 * Vec3::Y, Vec3::Y),
         ));

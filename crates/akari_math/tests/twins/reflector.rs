@@ -92,6 +92,11 @@ pub fn cases() -> Vec<Case> {
             ],
             mutations: vec![
                 mutation("of_b + of_c <= 1.0", "of_b + of_c <= 0.9"),
+                // From afar a corner is nearest, mostly.
+                mutation(
+                    "vec3<f32>(1.0 - along_ab, along_ab, 0.0)",
+                    "vec3<f32>(1.0 - along_ab, 0.9 * along_ab, 0.0)",
+                ),
                 mutation("dot(bc, bc), TINY), 0.0, 1.0", "dot(bc, bc), TINY), 0.1, 1.0"),
             ],
         },

@@ -11,7 +11,7 @@
 //!
 //! [`FrameBudgetPlugin`], one of `AkariPlugins`, reads the time spans of our passes, and moves each effect along its
 //! [`Ladder`]: the settings that no other setting beats in both time and error, as `akari report` measured them. It
-//! changes the settings of all cameras (`Default…` resources); a camera that has a component of its own keeps it.
+//! begins at the rung nearest to the present settings, and changes those of all cameras (`Default…` resources); a camera that has a component of its own keeps it.
 //! [`BudgetLog`] tells what was changed and why. Without the resource [`FrameBudget`] nothing is done. Bevy's `RenderDiagnosticsPlugin` measures the
 //! times, which costs a little by itself; without it, or on a device without timestamps, settings stay as they are, and a
 //! warning says so.
@@ -151,11 +151,21 @@ fn hold_budget(world: &mut World) {
         } = &mut *budgeting;
         let controller = controller.get_or_insert_with(|| {
             let mut controller = Controller::new(budget.gpu_ms, ladders);
-            // From where the settings are, as far as the ladder has them.
-            let present = AkariSettings::of_world(world);
+            // From where the settings are. What lies beside a ladder is set onto it: a step from there would not do what
+            // its rungs were measured to do.
+            let mut settings = AkariSettings::of_world(world);
             for (i, ladder) in ladders.iter().enumerate() {
-                controller.place(i, nearest_rung(ladder, &present));
+                let nearest = nearest_rung(ladder, &settings);
+                controller.place(i, nearest);
+                if let Some(Err(error)) = ladder
+                    .rungs
+                    .get(nearest)
+                    .map(|rung| rung.apply(&ladder.effect, &mut settings))
+                {
+                    warn!("frame budget: {error}");
+                }
             }
+            settings.apply(world);
             controller
         });
         controller.set_budget_ms(budget.gpu_ms);

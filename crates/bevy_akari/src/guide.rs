@@ -7,6 +7,7 @@
 //! | [`lobes`] | specular lobes and filtered roughness |
 //! | [`denoise`] | filtering, accumulation and upsampling of noisy light |
 //! | [`voxel_gi`] | indirect light of dynamic scenes |
+//! | [`interreflection`] | one bounce between marked surfaces |
 //! | [`quality`] | presets, knobs, a frame's budget, and which setting for which time |
 //! | [`next_bevy`] | notes for the move to Bevy 0.20 |
 
@@ -24,6 +25,9 @@ pub mod denoise {}
 
 #[doc = include_str!("../docs/guide/voxel_gi.md")]
 pub mod voxel_gi {}
+
+#[doc = include_str!("../docs/guide/interreflection.md")]
+pub mod interreflection {}
 
 #[doc = include_str!("../docs/guide/quality.md")]
 #[doc = include_str!("../docs/measured/llvmpipe/cost.md")]

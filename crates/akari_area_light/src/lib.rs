@@ -19,6 +19,7 @@
 //! **Limits**: materials that are drawn forward (transparent ones) keep Bevy's lighting: up to
 //! eight rectangular lights, without images.
 
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
@@ -79,6 +80,7 @@ impl Plugin for AreaLightPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
         };
+        skip_while_idle(render_app, EFFECT);
         render_app
             .init_resource::<extract::ExtractedAreaLights>()
             .add_systems(
@@ -87,7 +89,8 @@ impl Plugin for AreaLightPlugin {
                     extract::extract_area_lights,
                     (extract::extract_views, extract::publish_polygons),
                 )
-                    .chain(),
+                    .chain()
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Render,
@@ -107,7 +110,8 @@ impl Plugin for AreaLightPlugin {
                     )
                         .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
@@ -119,7 +123,8 @@ impl Plugin for AreaLightPlugin {
                         .before(Core3dSystems::MainPass),
                     (pass::area_light_shade, pass::area_light_capture)
                         .in_set(AkariPassSystems::Direct),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             );
     }
 }

@@ -43,6 +43,7 @@
 //! neighbourhood: where it is small, or turns from brighter to darker within two pixels, history stays for some frames
 //! (test `a_moving_object_leaves_no_ghost_in_the_reflection`: 12 of 428 pixels after three).
 
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
@@ -111,10 +112,12 @@ impl Plugin for DenoisePlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
         };
+        skip_while_idle(render_app, EFFECT);
         render_app
             .add_systems(
                 ExtractSchedule,
-                (extract::extract_denoise_views, debug::extract_debug_views),
+                (extract::extract_denoise_views, debug::extract_debug_views)
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Render,
@@ -131,14 +134,16 @@ impl Plugin for DenoisePlugin {
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
                 (
                     pass::denoise_accumulate.in_set(AkariPassSystems::Accumulate),
                     pass::denoise_filter.in_set(AkariPassSystems::Filter),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             );
     }
 }

@@ -63,10 +63,15 @@ pub(crate) fn build(app: &mut App) {
         return;
     };
     render_app
-        .add_systems(ExtractSchedule, extract_splits)
+        .add_systems(
+            ExtractSchedule,
+            extract_splits.in_set(EffectSystems(EFFECT)),
+        )
         .add_systems(
             Render,
-            prepare_splits.in_set(RenderSystems::PrepareResources),
+            prepare_splits
+                .in_set(RenderSystems::PrepareResources)
+                .in_set(EffectSystems(EFFECT)),
         )
         .add_systems(
             Core3d,
@@ -77,7 +82,8 @@ pub(crate) fn build(app: &mut App) {
                 split_picture
                     .after(screen_space_reflections)
                     .in_set(AkariPassSystems::Signals),
-            ),
+            )
+                .in_set(EffectSystems(EFFECT)),
         );
 }
 

@@ -23,6 +23,7 @@
 //! **Limits**: nothing hides reflectors from receivers, or lights from reflectors. Reflectors have the factors of their
 //! materials, not their textures; clear coats neither reflect nor receive. Lights with images are left out.
 
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
@@ -74,6 +75,7 @@ impl Plugin for InterreflectionPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
         };
+        skip_while_idle(render_app, EFFECT);
         render_app
             .init_resource::<scene::ReflectorScene>()
             .init_resource::<lights::ReflectedLights>()
@@ -83,7 +85,8 @@ impl Plugin for InterreflectionPlugin {
                     scene::extract_reflectors,
                     scene::extract_views,
                     lights::extract_lights,
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Render,
@@ -93,13 +96,15 @@ impl Plugin for InterreflectionPlugin {
                         .in_set(RenderSystems::Prepare),
                     prepare::prepare_reflectors.in_set(RenderSystems::PrepareResources),
                     prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
                 (pass::light_patches, pass::shade)
                     .chain()
-                    .in_set(AkariPassSystems::Direct),
+                    .in_set(AkariPassSystems::Direct)
+                    .in_set(EffectSystems(EFFECT)),
             );
     }
 }

@@ -13,6 +13,7 @@
 //! **Cost**: nothing unless a camera has an effect that reads lobes. Otherwise one compute pass and 8 bytes a pixel, or
 //! neither if lobes are made on the fly ([`SpecularLobes::stored`](settings::SpecularLobes::stored)).
 
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
@@ -62,10 +63,12 @@ impl Plugin for LobesPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
             return;
         };
+        skip_while_idle(render_app, EFFECT);
         render_app
             .add_systems(
                 ExtractSchedule,
-                (extract::extract_lobe_views, capture::extract_lobe_captures),
+                (extract::extract_lobe_views, capture::extract_lobe_captures)
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Render,
@@ -76,13 +79,15 @@ impl Plugin for LobesPlugin {
                     prepare::prepare_lobe_textures.in_set(RenderSystems::PrepareResources),
                     prepare::prepare_lobe_bind_groups.in_set(RenderSystems::PrepareBindGroups),
                     capture::collect_lobe_captures.in_set(RenderSystems::Cleanup),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
                 (pass::filter_roughness, pass::build_lobes)
                     .chain()
-                    .in_set(AkariPassSystems::Lobes),
+                    .in_set(AkariPassSystems::Lobes)
+                    .in_set(EffectSystems(EFFECT)),
             );
     }
 }

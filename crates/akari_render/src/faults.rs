@@ -81,7 +81,16 @@ struct FaultCounters {
     counts: Buffer,
 }
 
-/// Systems of the counting. They do nothing while [`CountFaults`] is off.
+/// The systems of the counting but the one that says whether to count: not run while nothing is to be counted.
+#[derive(SystemSet, Debug, Clone, PartialEq, Eq, Hash)]
+struct FaultSystems;
+
+/// Whether to count, or to let go of what counted.
+fn counts(wanted: Res<CountFaults>, counters: Option<Res<FaultCounters>>) -> bool {
+    wanted.0 || counters.is_some()
+}
+
+/// Adds the systems of the counting.
 pub(crate) fn build(app: &mut App) {
     app.init_resource::<CountFaults>();
     if app.get_sub_app(RenderApp).is_none() {
@@ -107,8 +116,11 @@ pub(crate) fn build(app: &mut App) {
                 .before(main_opaque_pass_3d),
         )
             .in_set(Core3dSystems::MainPass)
+            .in_set(FaultSystems)
     };
     render_app
+        .configure_sets(Render, FaultSystems.run_if(counts))
+        .configure_sets(Core3d, FaultSystems.run_if(counts))
         .init_resource::<CountFaults>()
         .add_systems(ExtractSchedule, extract_count_faults)
         .add_systems(
@@ -116,7 +128,8 @@ pub(crate) fn build(app: &mut App) {
             (
                 prepare_counters.in_set(RenderSystems::PrepareResources),
                 collect_counts.in_set(RenderSystems::Cleanup),
-            ),
+            )
+                .in_set(FaultSystems),
         )
         .add_systems(Core3d, in_main_pass());
 }

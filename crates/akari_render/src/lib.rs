@@ -37,7 +37,7 @@ pub mod signals;
 pub mod prelude {
     pub use crate::camera::AkariCamera;
     pub use crate::census::Census;
-    pub use crate::demand::{Demand, EffectReport, EffectState};
+    pub use crate::demand::{Demand, EffectReport, EffectState, EffectSystems, skip_while_idle};
     pub use crate::ledger::GpuLedger;
     pub use crate::quality::{Knob, KnobError, Knobs, Quality};
     pub use crate::{AkariRenderPlugin, AkariSystems};
@@ -87,6 +87,7 @@ impl Plugin for AkariRenderPlugin {
                 .init_resource::<ledger::CollectCounters>()
                 .init_resource::<area_lights::AreaLightPolygons>()
                 .add_systems(ExtractSchedule, ledger::extract_collect_counters);
+            demand::build(render_app);
         }
     }
 

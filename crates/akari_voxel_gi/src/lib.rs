@@ -22,6 +22,7 @@
 //! **Limits**: environment and ambient light do not enter; metals bounce diffusely in voxels, so that they throw no
 //! caustics.
 
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
 use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
@@ -104,6 +105,7 @@ impl Plugin for VoxelGiPlugin {
                 return;
             }
         }
+        skip_while_idle(render_app, EFFECT);
         render_app
             .init_resource::<scene::VoxelScene>()
             .init_resource::<prepare::VoxelFrame>()
@@ -118,7 +120,8 @@ impl Plugin for VoxelGiPlugin {
                     lights::extract_lights,
                     cones::extract_views,
                     debug::extract_debug_views,
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Render,
@@ -136,7 +139,8 @@ impl Plugin for VoxelGiPlugin {
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 RenderGraph,
@@ -144,7 +148,8 @@ impl Plugin for VoxelGiPlugin {
                     .chain()
                     // Time spans of the frame begin before this set.
                     .in_set(RenderGraphSystems::Render)
-                    .before(camera_driver),
+                    .before(camera_driver)
+                    .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
@@ -155,7 +160,8 @@ impl Plugin for VoxelGiPlugin {
                         .in_set(Core3dSystems::MainPass)
                         .after(AkariPassSystems::Filter)
                         .before(main_opaque_pass_3d),
-                ),
+                )
+                    .in_set(EffectSystems(EFFECT)),
             );
     }
 }

@@ -8,6 +8,7 @@ use super::prepare::ViewReceivers;
 use super::types::GpuShadowDebug;
 use crate::prepare::{AreaLightBuffers, AreaLightsReady, ViewAreaLights};
 use crate::types::GpuAreaLight;
+use akari_render::demand::EffectSystems;
 use akari_render::ledger::GpuLedger;
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
@@ -105,18 +106,23 @@ pub(crate) fn build(app: &mut App) {
         return;
     };
     render_app
-        .add_systems(ExtractSchedule, extract_debug_views)
+        .add_systems(
+            ExtractSchedule,
+            extract_debug_views.in_set(EffectSystems(super::EFFECT)),
+        )
         .add_systems(
             Render,
             prepare_debug_views
                 .in_set(RenderSystems::PrepareBindGroups)
-                .after(super::prepare::prepare_shadow_bind_groups),
+                .after(super::prepare::prepare_shadow_bind_groups)
+                .in_set(EffectSystems(super::EFFECT)),
         )
         .add_systems(
             Core3d,
             draw_debug_view
                 .after(Core3dSystems::MainPass)
-                .before(Core3dSystems::EarlyPostProcess),
+                .before(Core3dSystems::EarlyPostProcess)
+                .in_set(EffectSystems(super::EFFECT)),
         );
 }
 

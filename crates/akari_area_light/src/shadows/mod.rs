@@ -42,6 +42,7 @@
 //! was baked receives none, which is told once.
 
 use akari_render::AkariSystems;
+use akari_render::demand::{EffectSystems, skip_while_idle};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::prelude::*;
@@ -119,11 +120,14 @@ pub(crate) fn build(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
         return;
     };
+    skip_while_idle(render_app, EFFECT);
     render_app
         .init_resource::<extract::ExtractedReceivers>()
         .add_systems(
             ExtractSchedule,
-            extract::extract_shadows.after(crate::extract::extract_views),
+            extract::extract_shadows
+                .after(crate::extract::extract_views)
+                .in_set(EffectSystems(EFFECT)),
         )
         .add_systems(
             Render,
@@ -138,13 +142,15 @@ pub(crate) fn build(app: &mut App) {
                 prepare::prepare_shadow_bind_groups
                     .in_set(RenderSystems::PrepareBindGroups)
                     .before(crate::prepare::replace_deferred_lighting),
-            ),
+            )
+                .in_set(EffectSystems(EFFECT)),
         )
         .add_systems(
             Core3d,
             (pass::shadow_ratios, pass::draw_receivers)
                 .chain()
                 .after(crate::pass::area_light_cull)
-                .before(Core3dSystems::MainPass),
+                .before(Core3dSystems::MainPass)
+                .in_set(EffectSystems(EFFECT)),
         );
 }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 fn passes_of(effect: &str) -> &'static str {
     match effect {
         "area_lights" | "shadows" => "akari_area_light",
-        "lobes" => "akari_lobes",
+        "interreflection" => "akari_interreflection",
         "denoise" => "akari_denoise",
         _ => "akari_",
     }
@@ -19,8 +19,9 @@ fn passes_of(effect: &str) -> &'static str {
 pub fn ladders(report: &Report) -> Vec<Ladder> {
     let mut effects: Vec<&str> = Vec::new();
     for curve in &report.curves {
-        // Its settings are on each camera, where a frame budget leaves them alone; most of them make all voxels anew.
-        if curve.effect == "voxel_gi" {
+        // Settings of voxel GI are on each camera, where a frame budget leaves them alone; most of them make all voxels
+        // anew. Lobes are filtered or not: no ladder.
+        if matches!(curve.effect.as_str(), "voxel_gi" | "lobes") {
             continue;
         }
         if !effects.contains(&curve.effect.as_str()) {

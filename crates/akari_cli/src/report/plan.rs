@@ -8,7 +8,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Effects with a picture that can be held against a reference, by the names of their settings.
-pub const EFFECTS: [&str; 4] = ["area_lights", "shadows", "denoise", "voxel_gi"];
+pub const EFFECTS: [&str; 6] = [
+    "area_lights",
+    "shadows",
+    "lobes",
+    "denoise",
+    "voxel_gi",
+    "interreflection",
+];
 
 /// One curve to be measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +70,9 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
+        ("lobes", _) => &["normal_mapped"],
+        ("interreflection", true) => &["corner", "corner_glossy"],
+        ("interreflection", false) => &["corner", "corner_glossy", "ring"],
         ("voxel_gi", true) => &["cornell"],
         ("voxel_gi", false) => &["cornell", "furnace", "corridor", "glossy_hall"],
         (_, true) => &["roughness_map", "cornell"],
@@ -151,6 +161,8 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
         ("voxel_gi", false) => &["pages", "bricks_per_frame"],
         // The denoiser is given every pixel: nothing is upsampled.
         ("denoise", _) => &["resample_below"],
+        // It shows in what reads lobes, which the curve of the denoiser is about.
+        ("lobes", _) => &["wang"],
         _ => &[],
     }
 }

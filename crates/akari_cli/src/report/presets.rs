@@ -307,6 +307,10 @@ mod tests {
             *of_effect = (*of_effect).max(front_by_time(curve).len());
         }
         for (effect, most) in most {
+            // Lobes are filtered or not, for the same time: nothing to climb. The denoiser's curve holds their use.
+            if effect == "lobes" {
+                continue;
+            }
             assert!(most >= 4, "{effect}: at most {most} settings on a front");
         }
     }

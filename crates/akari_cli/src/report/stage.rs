@@ -8,7 +8,7 @@ use crate::error::CliError;
 use crate::load::{choose_camera, load_scene, make_folder};
 use crate::progress::{Reporter, check_interrupt, interrupted, writing};
 use crate::render::{headless_options, load_bake, radiance_scale};
-use crate::spawn::{camera_components, spawn_scene};
+use crate::spawn::{camera_components, mark_reflectors, spawn_scene};
 use akari_bake::{Geometry, GeometryOptions, bake};
 use akari_reference::{Error, Options, Output, render};
 use akari_scene::Scene;
@@ -22,8 +22,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-/// Passes of this project begin with it.
-const OWN_PASSES: &str = "akari_";
 /// Frames after a change of settings before one is timed: buffers are made anew in the first.
 const SETTLING_FRAMES: u32 = 2;
 
@@ -48,6 +46,7 @@ enum Drawing {
         headless: Box<Headless>,
         view: Entity,
         scale: f32,
+        effect: &'static str,
         /// The picture without the effect, where the effect is what comes on top of it.
         without: Option<RgbImage>,
     },
@@ -94,14 +93,14 @@ impl Stage {
             height: scope.size,
         };
         let options = reference_options(subject.effect, size, scope.spp);
+        let on_top = comes_on_top(subject.effect);
         let mut traced = trace(&scene, &options, common)?;
         let mut reference = Reference {
             spp: options.spp,
             max_depth: options.max_depth,
             noise: traced.noise.map(|noise| noise.relative_rms),
         };
-        let indirect = subject.effect == "voxel_gi";
-        if indirect {
+        if on_top {
             let once = Options {
                 max_depth: 2,
                 ..options
@@ -142,29 +141,45 @@ impl Stage {
             .world_mut()
             .entity_mut(view)
             .insert(AkariCamera);
-        let without = if indirect {
+        if matches!(subject.effect, "voxel_gi" | "lobes") {
             // Indirect light brings guides, and these filter the roughness that direct light sees, too.
             headless
                 .app
                 .world_mut()
                 .entity_mut(view)
                 .insert(NeedsGuides);
+        }
+        let without = if on_top {
             headless.step_until_ready()?;
             Some(unscaled(&headless.read(view)?, scale))
         } else {
             None
         };
+        if subject.effect == "interreflection" {
+            let left_out = mark_reflectors(headless.app.world_mut());
+            if left_out > 0 {
+                return Err(CliError::input(format!(
+                    "{}: {left_out} of its meshes have too many triangles to be reflectors; name another scene by --scenes",
+                    subject.scene.display()
+                )));
+            }
+        }
         Ok(Self {
             drawing: Drawing::Scene {
                 headless: Box::new(headless),
                 view,
                 scale,
+                effect: subject.effect,
                 without,
             },
             truth: traced.color,
             reference,
             what: match subject.effect {
                 "shadows" => "direct light with baked shadows, against traced rays",
+                "lobes" => "direct light on normal-mapped surfaces, one look a pixel, against many",
+                "interreflection" => {
+                    "one bounce alone: the picture less that without it, against traced paths of one bounce"
+                }
                 "voxel_gi" => {
                     "indirect light alone: the picture less that without it, against traced paths of two and more bounces"
                 }
@@ -289,12 +304,12 @@ impl Stage {
             Drawing::Scene {
                 headless,
                 view,
-                without,
+                effect,
                 ..
             } => {
                 let world = headless.app.world_mut();
                 variant.settings.apply(world);
-                if without.is_some() {
+                if *effect == "voxel_gi" {
                     world.entity_mut(*view).insert(variant.settings.voxel_gi);
                     settling = VOXEL_FRAMES;
                 }
@@ -319,8 +334,8 @@ impl Stage {
     /// If the GPU refused a command, or the user stopped it.
     pub fn converge(&mut self, bounce_frames: u32) -> Result<(), CliError> {
         let frames = match &mut self.drawing {
-            Drawing::Scene { without, .. } => {
-                if without.is_some() {
+            Drawing::Scene { effect, .. } => {
+                if *effect == "voxel_gi" {
                     bounce_frames
                 } else {
                     0
@@ -374,10 +389,18 @@ impl Stage {
             }
         }
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let timed = match &self.drawing {
+            // Direct light is there without it.
+            Drawing::Scene {
+                effect: "interreflection",
+                ..
+            } => "akari_interreflection",
+            _ => "akari_",
+        };
         let spans = self.headless().gpu_times();
         let own: Vec<f64> = spans
             .iter()
-            .filter(|(name, _)| name.starts_with(OWN_PASSES))
+            .filter(|(name, _)| name.starts_with(timed))
             .map(|(_, milliseconds)| *milliseconds)
             .collect();
         Ok(FrameTime {
@@ -397,6 +420,7 @@ impl Stage {
                 view,
                 scale,
                 without,
+                ..
             } => {
                 let picture = unscaled(&headless.read(*view)?, *scale);
                 Ok(match without {
@@ -451,19 +475,31 @@ impl Stage {
     }
 }
 
+/// Whether the effect is measured as what it adds to a picture, and against what longer paths add to a traced one.
+fn comes_on_top(effect: &str) -> bool {
+    matches!(effect, "voxel_gi" | "interreflection")
+}
+
 /// What the effect's picture is held against.
 fn reference_options(effect: &str, size: Size, spp: u32) -> Options {
+    /// So many times the samples: interreflection is wrong by a few hundredths, and the reference has to be better.
+    const ONE_BOUNCE_SAMPLES: u32 = 8;
     Options {
         width: size.width,
         height: size.height,
-        spp,
+        spp: match effect {
+            "interreflection" => spp.saturating_mul(ONE_BOUNCE_SAMPLES),
+            _ => spp,
+        },
         max_depth: match effect {
             "denoise" => 8,
             "voxel_gi" => ALL_BOUNCES,
+            "interreflection" => 3,
             _ => 2,
         },
-        no_occlusion: effect == "area_lights",
-        pixel_centers: true,
+        no_occlusion: matches!(effect, "area_lights" | "lobes"),
+        // What lobes are filtered for is all that lies within a pixel.
+        pixel_centers: effect != "lobes",
         ..Options::default()
     }
 }

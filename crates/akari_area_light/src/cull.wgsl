@@ -1,4 +1,5 @@
-// For each tile of the screen, one bit for each light: may it reach any pixel of the tile? One workgroup a tile.
+// For each tile of the screen, one bit for each light: may it reach any pixel of the tile? One workgroup a tile. Tiles that
+// any light may reach are listed: the shading pass draws these alone.
 
 #import bevy_render::view::View
 #import akari_math::area_light::{dielectric_f0_from_reflectance, dielectric_f90_from_f0}
@@ -8,8 +9,9 @@
 }
 #import akari_render::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
 #import akari_area_light::types::{
-    AreaLight, AreaLightView, COUNTER_BELOW_CUTOFF, COUNTER_KEPT, COUNTER_OUT_OF_RANGE, COUNTER_TILES,
-    COUNTER_TURNED_AWAY, CULL_WORKGROUP, FLAG_TWO_SIDED, LIGHTS_PER_WORD, TILE_SIZE,
+    AreaLight, AreaLightView, COUNTER_BELOW_CUTOFF, COUNTER_KEPT, COUNTER_LIT, COUNTER_OUT_OF_RANGE, COUNTER_TILES,
+    COUNTER_TURNED_AWAY, CULL_WORKGROUP, DrawArguments, FLAG_TWO_SIDED, LIGHTS_PER_WORD, TILE_COORDINATE_BITS,
+    TILE_SIZE,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -19,7 +21,9 @@
 @group(0) @binding(4) var pass_id_texture: texture_2d<u32>;
 @group(0) @binding(5) var<storage, read> lights: array<AreaLight>;
 @group(0) @binding(6) var<storage, read_write> masks: array<u32>;
-@group(0) @binding(7) var<storage, read_write> counters: array<atomic<u32>, 5>;
+@group(0) @binding(7) var<storage, read_write> counters: array<atomic<u32>, 6>;
+@group(0) @binding(8) var<storage, read_write> lit_tiles: array<u32>;
+@group(0) @binding(9) var<storage, read_write> draw: DrawArguments;
 
 const NO_ALPHA: f32 = 2.0;
 const FAR: f32 = 3e38;
@@ -29,6 +33,8 @@ var<workgroup> low: array<vec3<f32>, CULL_WORKGROUP>;
 var<workgroup> high: array<vec3<f32>, CULL_WORKGROUP>;
 // Smallest alpha of a glossy pixel, or NO_ALPHA.
 var<workgroup> alpha: array<f32, CULL_WORKGROUP>;
+// All words of the tile's mask, one over the other.
+var<workgroup> any_light: atomic<u32>;
 
 const KEPT: u32 = 0u;
 const OUT_OF_RANGE: u32 = 1u;
@@ -108,6 +114,10 @@ fn cull(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index)
     low[invocation] = box_min;
     high[invocation] = box_max;
     alpha[invocation] = alpha_min;
+    // Bevy asks for workgroup memory as it is found.
+    if invocation == 0u {
+        atomicStore(&any_light, 0u);
+    }
     for (var stride = CULL_WORKGROUP / 2u; stride > 0u; stride /= 2u) {
         workgroupBarrier();
         if invocation < stride {
@@ -139,6 +149,14 @@ fn cull(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index)
             }
         }
         masks[first_word + word] = mask;
+        if mask != 0u {
+            atomicOr(&any_light, mask);
+        }
+    }
+    workgroupBarrier();
+    if invocation == 0u && atomicLoad(&any_light) != 0u {
+        lit_tiles[atomicAdd(&draw.instance_count, 1u)] = tile.x | (tile.y << TILE_COORDINATE_BITS);
+        atomicAdd(&counters[COUNTER_LIT], 1u);
     }
     if !empty {
         if invocation == 0u {

@@ -15,7 +15,11 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
 
-/// Finds, for each tile of the screen, the lights that reach it.
+/// Where in the arguments of an indirect draw the number of instances stands.
+const INSTANCE_COUNT_OFFSET: u64 = 4;
+const INSTANCE_COUNT_BYTES: u64 = 4;
+
+/// Finds, for each tile of the screen, the lights that reach it, and lists the tiles that any light reaches.
 pub fn area_light_cull(
     view: ViewQuery<(&ViewAreaLights, &AreaLightsReady, &ViewUniformOffset)>,
     pipelines: Option<Res<AreaLightPipelines>>,
@@ -34,6 +38,11 @@ pub fn area_light_cull(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     encoder.clear_buffer(&lights.counters, 0, None);
+    encoder.clear_buffer(
+        &lights.draw,
+        INSTANCE_COUNT_OFFSET,
+        Some(INSTANCE_COUNT_BYTES),
+    );
     let span = diagnostics.time_span(encoder, CULL_LABEL);
     {
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
@@ -88,7 +97,8 @@ pub fn area_light_shade(
     ) {
         pass.set_bind_group(1, shadows, &[]);
     }
-    pass.draw(0..3, 0..1);
+    pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
+    pass.draw_indirect(&lights.draw, 0);
     span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);
 }
@@ -100,12 +110,13 @@ pub fn area_light_capture(
         &AreaLightsReady,
         &ViewUniformOffset,
         &ViewCapture,
+        &ExtractedCamera,
         Option<&ViewReceivers>,
     )>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (lights, ready, view_offset, capture, receivers) = view.into_inner();
+    let (lights, ready, view_offset, capture, camera, receivers) = view.into_inner();
     let (true, Some(group), Some(target)) =
         (ready.0, &lights.shade_group, capture.light(Light::Direct))
     else {
@@ -130,6 +141,9 @@ pub fn area_light_capture(
         })],
         ..default()
     });
+    if let Some(viewport) = &camera.viewport {
+        pass.set_camera_viewport(viewport);
+    }
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
     if let (true, Some(shadows)) = (
@@ -138,5 +152,6 @@ pub fn area_light_capture(
     ) {
         pass.set_bind_group(1, shadows, &[]);
     }
-    pass.draw(0..3, 0..1);
+    pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
+    pass.draw_indirect(&lights.draw, 0);
 }

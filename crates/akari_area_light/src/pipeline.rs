@@ -3,7 +3,7 @@
 use crate::shadows::pipeline::shade_shadow_layout;
 use crate::types::{GpuAreaLight, GpuAreaLightView};
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
-use bevy::core_pipeline::FullscreenShader;
+use bevy::mesh::VertexBufferLayout;
 use bevy::pbr::MeshPipelineKey;
 use bevy::pbr::deferred::DeferredLightingLayout;
 use bevy::prelude::*;
@@ -15,6 +15,7 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::view::ViewUniform;
 use bevy::shader::{Shader, ShaderDefVal};
+use std::num::NonZeroU64;
 
 /// Label of the culling pass and of its time span.
 pub const CULL_LABEL: &str = "akari_area_light_cull";
@@ -39,9 +40,11 @@ pub struct AreaLightPipelines {
     pub table_sampler: Sampler,
     /// Trilinear, clamped: for light images.
     pub image_sampler: Sampler,
-    vertex: VertexState,
     shade_shader: Handle<Shader>,
 }
+
+/// Bytes of the arguments of the shading pass's draw.
+pub const DRAW_BYTES: u64 = 16;
 
 /// Bytes of the LTC table on the GPU.
 pub fn ltc_table_bytes() -> u64 {
@@ -55,7 +58,6 @@ impl AreaLightPipelines {
         queue: &RenderQueue,
         cache: &PipelineCache,
         assets: &AssetServer,
-        fullscreen: &FullscreenShader,
     ) -> Self {
         let depth = texture_depth_2d();
         let uint = texture_2d(TextureSampleType::Uint);
@@ -66,11 +68,17 @@ impl AreaLightPipelines {
         let lights = storage_buffer_read_only_sized(false, Some(GpuAreaLight::min_size()));
         let read = storage_buffer_read_only_sized(false, None);
         let write = storage_buffer_sized(false, None);
+        let draw = storage_buffer_sized(false, NonZeroU64::new(DRAW_BYTES));
+        // Where on the screen a tile is.
+        let shaded_view =
+            || uniform_buffer::<ViewUniform>(true).visibility(ShaderStages::VERTEX_FRAGMENT);
         let cull_layout = BindGroupLayoutDescriptor::new(
             "akari_area_light_cull_layout",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
-                (view, area_view, depth, uint, uint, lights, write, write),
+                (
+                    view, area_view, depth, uint, uint, lights, write, write, write, draw,
+                ),
             ),
         );
         let shade_layout = BindGroupLayoutDescriptor::new(
@@ -78,7 +86,7 @@ impl AreaLightPipelines {
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
                 (
-                    view,
+                    shaded_view(),
                     area_view,
                     depth,
                     uint,
@@ -96,7 +104,7 @@ impl AreaLightPipelines {
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
                 (
-                    view,
+                    shaded_view(),
                     area_view,
                     depth,
                     uint,
@@ -136,7 +144,6 @@ impl AreaLightPipelines {
                 mipmap_filter: MipmapFilterMode::Linear,
                 ..default()
             }),
-            vertex: fullscreen.to_vertex_state(),
             shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
         }
     }
@@ -211,7 +218,16 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),
             layout,
-            vertex: self.vertex.clone(),
+            vertex: VertexState {
+                shader: self.shade_shader.clone(),
+                shader_defs: shader_defs.clone(),
+                // The list of lit tiles, one instance each.
+                buffers: vec![VertexBufferLayout::from_vertex_formats(
+                    VertexStepMode::Instance,
+                    [VertexFormat::Uint32],
+                )],
+                ..default()
+            },
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),
                 shader_defs,

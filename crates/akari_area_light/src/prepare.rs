@@ -9,10 +9,11 @@ use crate::pipeline::{
 };
 use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
 use crate::shadows::prepare::ViewReceivers;
-use crate::types::{COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_SIZE};
+use crate::types::{
+    COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_CORNERS, TILE_SIZE,
+};
 use akari_render::capture::{LIGHT_FORMAT, ViewCapture};
 use akari_render::prelude::*;
-use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::math::Vec4;
 use bevy::pbr::deferred::{
@@ -58,6 +59,10 @@ pub struct ViewAreaLights {
     masks: Buffer,
     /// Counts of the culling pass.
     pub counters: Buffer,
+    /// The tiles that a light may reach, in no order, as the culling pass lists them.
+    pub lit_tiles: Buffer,
+    /// Arguments of the draw of these tiles: their number is written by the culling pass.
+    pub draw: Buffer,
     shape: ViewShape,
     /// Tiles of the screen.
     pub tiles: UVec2,
@@ -114,19 +119,12 @@ pub fn prepare_area_light_pipelines(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
     assets: Res<AssetServer>,
-    fullscreen: Res<FullscreenShader>,
     ledger: Res<GpuLedger>,
 ) {
     if views.is_empty() || existing.is_some() {
         return;
     }
-    commands.insert_resource(AreaLightPipelines::new(
-        &device,
-        &queue,
-        &cache,
-        &assets,
-        &fullscreen,
-    ));
+    commands.insert_resource(AreaLightPipelines::new(&device, &queue, &cache, &assets));
     commands.init_resource::<SpecializedRenderPipelines<AreaLightPipelines>>();
     commands.init_resource::<AreaLightBuffers>();
     ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
@@ -259,6 +257,16 @@ pub fn prepare_area_lights(
                 COUNTER_NAMES.len() as u32,
                 BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
             ),
+            lit_tiles: storage(
+                "akari_area_light_lit_tiles",
+                tiles.x * tiles.y,
+                BufferUsages::STORAGE | BufferUsages::VERTEX,
+            ),
+            draw: device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some("akari_area_light_draw"),
+                contents: bytemuck::cast_slice(&[TILE_CORNERS, 0, 0, 0]),
+                usage: BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_DST,
+            }),
             shape,
             tiles,
             shade,
@@ -269,8 +277,11 @@ pub fn prepare_area_lights(
             shadows,
             texture_cells: cells,
         };
-        let held =
-            view_lights.masks.size() + view_lights.counters.size() + view_lights.uniform.size();
+        let held = view_lights.masks.size()
+            + view_lights.counters.size()
+            + view_lights.lit_tiles.size()
+            + view_lights.draw.size()
+            + view_lights.uniform.size();
         ledger.set_bytes(EFFECT, format!("view {entity}"), held);
         commands.entity(entity).insert(view_lights);
     }
@@ -351,6 +362,8 @@ pub fn prepare_area_light_bind_groups(
                 lights.lights.as_entire_binding(),
                 view.masks.as_entire_binding(),
                 view.counters.as_entire_binding(),
+                view.lit_tiles.as_entire_binding(),
+                view.draw.as_entire_binding(),
             )),
         ));
         let shade = (

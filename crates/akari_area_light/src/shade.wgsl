@@ -1,6 +1,6 @@
-// Adds the light of all area lights to one pixel: load, call the formulas of `akari_math`, store.
+// Adds the light of all area lights to one pixel: load, call the formulas of `akari_math`, store. Drawn are the tiles that
+// the culling pass listed.
 
-#import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
 #import akari_math::area_light::{
     diffuse_specular_combine, diffuse_transmission, range_falloff, specular_albedo, surface_reflectance,
@@ -13,7 +13,8 @@
 }
 #import akari_render::gbuffer::{Surface, position_relative, unpack_surface, view_direction}
 #import akari_area_light::types::{
-    AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_SIZE,
+    AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_COORDINATE_BITS, TILE_CORNERS,
+    TILE_SIZE,
 }
 #ifdef TEXTURED
 #import akari_math::light_image::{footprint_position, light_image_footprint, light_image_lod}
@@ -146,9 +147,24 @@ fn light_color(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, m: mat3x3<
     return vec3(1.0);
 }
 
+// Corners of a square's two triangles, counter-clockwise on a screen whose y points down.
+const CORNERS = array<vec2<u32>, TILE_CORNERS>(
+    vec2(0u, 0u), vec2(0u, 1u), vec2(1u, 0u),
+    vec2(1u, 0u), vec2(0u, 1u), vec2(1u, 1u),
+);
+
+// The square of one lit tile. What reaches beyond the viewport is clipped.
+@vertex
+fn vertex(@location(0) tile: u32, @builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    var corners = CORNERS;
+    let at = vec2(tile & ((1u << TILE_COORDINATE_BITS) - 1u), tile >> TILE_COORDINATE_BITS) + corners[index];
+    let uv = vec2<f32>(at * TILE_SIZE) / view.viewport.zw;
+    return vec4(2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y, 0.0, 1.0);
+}
+
 @fragment
-fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
-    let pixel = vec2<i32>(in.position.xy);
+fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
     let depth = textureLoad(depth_texture, pixel, 0);
     // Reverse z: 0 is the background.
     if depth == 0.0 || textureLoad(pass_id_texture, pixel, 0).r != area_view.lighting_pass_id {
@@ -158,7 +174,7 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     if surface.unlit {
         discard;
     }
-    let position_rel = position_relative(view, in.position.xy, depth);
+    let position_rel = position_relative(view, position.xy, depth);
     let view_ws = view_direction(view, position_rel);
     let frame = shading_frame(surface.normal_ws, view_ws);
     let n_dot_v = clamp(dot(surface.normal_ws, view_ws), MIN_N_DOT_V, 1.0);
@@ -182,7 +198,7 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     let by_pieces = surface.perceptual_roughness <= params.pieces_roughness
         || (surface.clearcoat > 0.0 && surface.clearcoat_perceptual_roughness <= params.pieces_roughness);
 #endif
-    let tile = (vec2<u32>(in.position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
+    let tile = (vec2<u32>(position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
     let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
     var radiance = vec3(0.0);
     for (var word = 0u; word < area_view.words_per_tile; word++) {

@@ -7,6 +7,10 @@ use bevy::render::render_resource::ShaderType;
 pub const TILE_SIZE: u32 = 16;
 /// Invocations that share a tile in the culling pass, as in `cull.wgsl`.
 pub const CULL_WORKGROUP: u32 = 64;
+/// Bits of each coordinate of a lit tile, which stand in one word: screens of up to 1,048,576 pixels.
+pub const TILE_COORDINATE_BITS: u32 = 16;
+/// Corners of the two triangles that a lit tile is drawn as.
+pub const TILE_CORNERS: u32 = 6;
 /// Lights whose visibility one word of a tile's mask holds.
 pub const LIGHTS_PER_WORD: u32 = 32;
 /// Value of [`GpuAreaLight::texture_layer`] for a light without an image.
@@ -71,8 +75,9 @@ pub struct GpuAreaLightView {
 }
 
 /// Counts that the culling pass adds up over all tiles of a frame.
-pub const COUNTER_NAMES: [&str; 5] = [
+pub const COUNTER_NAMES: [&str; 6] = [
     "area light tiles with geometry",
+    "area light tiles lit",
     "area light tile pairs kept",
     "area light tile pairs out of range",
     "area light tile pairs turned away",

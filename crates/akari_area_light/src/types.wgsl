@@ -4,6 +4,8 @@
 
 const TILE_SIZE: u32 = 16u;
 const CULL_WORKGROUP: u32 = 64u;
+const TILE_COORDINATE_BITS: u32 = 16u;
+const TILE_CORNERS: u32 = 6u;
 const LIGHTS_PER_WORD: u32 = 32u;
 const NO_TEXTURE: u32 = 0xffffffffu;
 const FLAG_TWO_SIDED: u32 = 1u;
@@ -37,9 +39,18 @@ struct AreaLightView {
     culling: u32,
 }
 
+// Arguments of an indirect draw.
+struct DrawArguments {
+    vertex_count: u32,
+    instance_count: atomic<u32>,
+    first_vertex: u32,
+    first_instance: u32,
+}
+
 // Indices of the counters, in the order of COUNTER_NAMES in `types.rs`.
 const COUNTER_TILES: u32 = 0u;
-const COUNTER_KEPT: u32 = 1u;
-const COUNTER_OUT_OF_RANGE: u32 = 2u;
-const COUNTER_TURNED_AWAY: u32 = 3u;
-const COUNTER_BELOW_CUTOFF: u32 = 4u;
+const COUNTER_LIT: u32 = 1u;
+const COUNTER_KEPT: u32 = 2u;
+const COUNTER_OUT_OF_RANGE: u32 = 3u;
+const COUNTER_TURNED_AWAY: u32 = 4u;
+const COUNTER_BELOW_CUTOFF: u32 = 5u;

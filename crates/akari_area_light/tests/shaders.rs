@@ -9,7 +9,7 @@ use akari_area_light::shadows::types::{
 };
 use akari_area_light::types::{
     COUNTER_NAMES, CULL_WORKGROUP, FLAG_TWO_SIDED, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD,
-    NO_TEXTURE, TILE_SIZE,
+    NO_TEXTURE, TILE_COORDINATE_BITS, TILE_CORNERS, TILE_SIZE,
 };
 use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
 use bevy::math::{Vec2, Vec3, Vec4};
@@ -208,6 +208,8 @@ fn constants_agree() {
     for (name, value) in [
         ("TILE_SIZE", TILE_SIZE),
         ("CULL_WORKGROUP", CULL_WORKGROUP),
+        ("TILE_COORDINATE_BITS", TILE_COORDINATE_BITS),
+        ("TILE_CORNERS", TILE_CORNERS),
         ("LIGHTS_PER_WORD", LIGHTS_PER_WORD),
         ("NO_TEXTURE", NO_TEXTURE),
         ("FLAG_TWO_SIDED", FLAG_TWO_SIDED),

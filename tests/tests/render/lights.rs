@@ -5,7 +5,7 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::light::RectLight;
 use bevy::material::OpaqueRendererMethod;
 use bevy::prelude::*;
-use bevy_akari::headless::Headless;
+use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::prelude::*;
 use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari_tests::*;
@@ -310,6 +310,76 @@ fn spawn_grid_of_lights(headless: &mut Headless, range: f32) -> Vec<Entity> {
         }
     }
     lights
+}
+
+#[test]
+fn only_tiles_that_a_light_reaches_are_drawn() {
+    // No multiple of a tile's 16 pixels: the last tiles are cut off.
+    const SIDE: u32 = 56;
+    const TILES: u64 = 16;
+    let Some(mut headless) = headless_or_skip("only_tiles_that_a_light_reaches") else {
+        return;
+    };
+    spawn_floor_and_ball(&mut headless, StandardMaterial::default());
+    // Sky above, floor to the edges on the other three sides.
+    let camera = spawn_camera(&mut headless, SIDE, Vec3::new(0.0, 0.6, 4.0));
+    let world = headless.app.world_mut();
+    world.entity_mut(camera).insert(AkariCamera);
+    world.insert_resource(CollectCounters(true));
+    let light = world.spawn(light_above(Vec3::new(0.0, 3.0, 0.0), 1.0)).id();
+    let draw = |headless: &mut Headless| {
+        let image = picture(headless, camera);
+        for _ in 0..3 {
+            headless.step().expect("it renders");
+        }
+        let counters = headless.ledger().counters();
+        let counts =
+            ["area light tiles with geometry", "area light tiles lit"].map(|name| counters[name]);
+        (image, counts)
+    };
+    let (image, [geometry, lit]) = draw(&mut headless);
+    assert!(
+        0 < geometry && geometry < TILES,
+        "{geometry} of {TILES} tiles hold more than sky"
+    );
+    assert_eq!(lit, geometry, "a light without an end reaches all of them");
+    let luminance = |image: &ReadImage, x: u32, y: u32| {
+        image.data[(y * SIDE + x) as usize][..3].iter().sum::<f32>()
+    };
+    for x in 0..SIDE {
+        assert!(
+            luminance(&image, x, SIDE - 1) > 0.0,
+            "the last row is dark at {x}"
+        );
+    }
+    for y in SIDE - 16..SIDE {
+        assert!(
+            luminance(&image, SIDE - 1, y) > 0.0,
+            "the last column is dark at {y}"
+        );
+    }
+    // What reaches a part of the picture is drawn there.
+    if let Some(mut light) = headless.app.world_mut().get_mut::<PolygonLight>(light) {
+        light.range = 0.4;
+    }
+    if let Some(mut place) = headless.app.world_mut().get_mut::<Transform>(light) {
+        place.translation = Vec3::new(-1.2, 0.3, 0.5);
+    }
+    let (image, [same, lit]) = draw(&mut headless);
+    assert_eq!(same, geometry);
+    assert!(0 < lit && lit < geometry, "{lit} of {geometry} tiles lit");
+    assert!(rms(&image) > 0.0);
+    assert_eq!(
+        luminance(&image, SIDE - 1, SIDE - 1),
+        0.0,
+        "out of its range"
+    );
+    // What reaches nothing is drawn nowhere.
+    if let Some(mut place) = headless.app.world_mut().get_mut::<Transform>(light) {
+        place.translation.y = 50.0;
+    }
+    let (image, [_, lit]) = draw(&mut headless);
+    assert_eq!((lit, rms(&image)), (0, 0.0));
 }
 
 #[test]

@@ -159,6 +159,8 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
             "voxel_size",
         ],
         ("voxel_gi", false) => &["pages", "bricks_per_frame"],
+        // Only a limit.
+        ("interreflection", true) => &["most_patches"],
         // The denoiser is given every pixel: nothing is upsampled.
         ("denoise", _) => &["resample_below"],
         // It shows in what reads lobes, which the curve of the denoiser is about.
@@ -176,6 +178,8 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
         ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
         ("voxel_gi", "cascades", true) => Some(&[2.0, 3.0]),
         ("voxel_gi", "specular_cones", true) => Some(&[0.0, 1.0]),
+        ("interreflection", "tier", true) => Some(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 9.0]),
+        ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
         _ => None,
     }

@@ -1,6 +1,8 @@
 //! `akari report`.
 
 use crate::run::{Place, asset, has_adapter};
+use bevy_akari::budget::ladders;
+use bevy_akari::prelude::AkariSettings;
 use serde_json::Value;
 
 const USAGE: i32 = 2;
@@ -52,6 +54,28 @@ fn measures_once_and_continues_where_it_was_stopped() {
     assert!(points.iter().any(|point| point["on_front"] == true));
     let page = std::fs::read_to_string(place.file("out/report.html")).expect("report.html");
     assert!(page.contains("<svg") && page.trim_end().ends_with("</html>"));
+    // What is made of it: presets with every knob, ladders that a frame budget can climb, and the table of costs.
+    let read = |name: &str| {
+        let file = place.file(name);
+        std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let presets = read("out/presets.ron");
+    for name in ["area_lights", "low", "medium", "high", "ultra"] {
+        assert!(presets.contains(name), "no {name} in {presets}");
+    }
+    for (effect, knob, _) in AkariSettings::default().knobs() {
+        assert!(
+            effect != "area_lights" || presets.contains(knob.name),
+            "no {} in {presets}",
+            knob.name
+        );
+    }
+    let ladders = ladders::parse(&read("out/ladders.ron")).expect("ladders");
+    assert_eq!(ladders.len(), 1);
+    assert_eq!(ladders[0].effect, "area_lights");
+    let cost = read("out/cost.md");
+    assert!(cost.contains("`area_lights` on `floor_light`"), "{cost}");
+    assert!(cost.matches("\n| ").count() > 2, "{cost}");
 
     // A part that is there is not measured again; one that is broken is.
     let part = place.file("out/parts/area_lights-floor_light.json");

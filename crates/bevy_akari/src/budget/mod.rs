@@ -151,19 +151,9 @@ fn hold_budget(world: &mut World) {
         } = &mut *budgeting;
         let controller = controller.get_or_insert_with(|| {
             let mut controller = Controller::new(budget.gpu_ms, ladders);
-            // From where the settings are. What lies beside a ladder is set onto it: a step from there would not do what
-            // its rungs were measured to do.
             let mut settings = AkariSettings::of_world(world);
-            for (i, ladder) in ladders.iter().enumerate() {
-                let nearest = nearest_rung(ladder, &settings);
-                controller.place(i, nearest);
-                if let Some(Err(error)) = ladder
-                    .rungs
-                    .get(nearest)
-                    .map(|rung| rung.apply(&ladder.effect, &mut settings))
-                {
-                    warn!("frame budget: {error}");
-                }
+            for (i, rung) in step_onto(ladders, &mut settings).into_iter().enumerate() {
+                controller.place(i, rung);
             }
             settings.apply(world);
             controller
@@ -224,6 +214,25 @@ fn frame_cost(world: &World, budgeting: &mut Budgeting) -> Option<FrameCost> {
     })
 }
 
+/// From where the settings are, the rung of each ladder that they are put on. What lies beside a ladder is set onto it: a
+/// step from there would not do what its rungs were measured to do.
+fn step_onto(ladders: &[Ladder], settings: &mut AkariSettings) -> Vec<usize> {
+    ladders
+        .iter()
+        .map(|ladder| {
+            let nearest = nearest_rung(ladder, settings);
+            if let Some(Err(error)) = ladder
+                .rungs
+                .get(nearest)
+                .map(|rung| rung.apply(&ladder.effect, settings))
+            {
+                warn!("frame budget: {error}");
+            }
+            nearest
+        })
+        .collect()
+}
+
 /// The rung whose knobs differ least from the present settings; of equals the most exact.
 fn nearest_rung(ladder: &Ladder, settings: &AkariSettings) -> usize {
     let present: Vec<(&str, f32)> = settings
@@ -248,6 +257,59 @@ fn nearest_rung(ladder: &Ladder, settings: &AkariSettings) -> usize {
 mod tests {
     use super::*;
     use crate::prelude::Quality;
+
+    #[test]
+    fn settings_beside_the_ladders_are_set_onto_them() {
+        let ladders = ladders::measured().expect("valid ladders");
+        // A knob of each effect is where no rung has it.
+        let mut settings = AkariSettings::preset(Quality::High);
+        let mut moved = 0;
+        for ladder in &ladders {
+            let knobs = settings.knobs();
+            let beside = knobs.iter().find_map(|(effect, knob, _)| {
+                let known = |value: f32| {
+                    let mut rungs = ladder.rungs.iter();
+                    rungs.any(|rung| rung.settings.get(knob.name) == Some(&value))
+                };
+                let has_it = ladder
+                    .rungs
+                    .iter()
+                    .any(|rung| rung.settings.contains_key(knob.name));
+                let value = [knob.min, knob.max]
+                    .into_iter()
+                    .find(|value| !known(*value))?;
+                (*effect == ladder.effect && has_it).then_some((knob.name, value))
+            });
+            if let Some((knob, value)) = beside {
+                settings
+                    .set(&ladder.effect, knob, value)
+                    .expect("a limit is valid");
+                moved += 1;
+            }
+        }
+        assert!(moved > 0, "nothing was beside a ladder");
+        let is_on = |settings: &AkariSettings, ladder: &Ladder, rung: usize| {
+            let mut same = *settings;
+            ladder.rungs[rung]
+                .apply(&ladder.effect, &mut same)
+                .expect("valid");
+            same == *settings
+        };
+        assert!(
+            ladders
+                .iter()
+                .any(|ladder| (0..ladder.rungs.len()).all(|rung| !is_on(&settings, ladder, rung)))
+        );
+        let rungs = step_onto(&ladders, &mut settings);
+        assert_eq!(rungs.len(), ladders.len());
+        for (ladder, rung) in ladders.iter().zip(rungs) {
+            assert!(
+                is_on(&settings, ladder, rung),
+                "{} is not on rung {rung}",
+                ladder.effect
+            );
+        }
+    }
 
     #[test]
     fn the_present_settings_are_found_on_the_ladder() {

@@ -167,3 +167,41 @@ fn spawn_overlay(commands: &mut Commands, overlay: &AkariOverlay, summary: &Akar
         )],
     ));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn its_key_shows_and_hides_it() {
+        let mut app = App::new();
+        app.init_resource::<AkariOverlay>()
+            .init_resource::<ButtonInput<KeyCode>>()
+            .add_systems(Last, toggle_overlay);
+        let mut press = |key: KeyCode| {
+            let mut keys = app.world_mut().resource_mut::<ButtonInput<KeyCode>>();
+            keys.reset_all();
+            keys.press(key);
+            app.update();
+            let after_press = app.world().resource::<AkariOverlay>().visible;
+            // Held down, it does nothing more.
+            let mut keys = app.world_mut().resource_mut::<ButtonInput<KeyCode>>();
+            keys.clear();
+            app.update();
+            assert_eq!(app.world().resource::<AkariOverlay>().visible, after_press);
+            after_press
+        };
+        assert!(press(KeyCode::F4), "another key");
+        assert!(!press(KeyCode::F3));
+        assert!(press(KeyCode::F3));
+        // Without a key, and without a keyboard, it stays as it is.
+        app.world_mut().resource_mut::<AkariOverlay>().key = None;
+        app.world_mut()
+            .resource_mut::<ButtonInput<KeyCode>>()
+            .press(KeyCode::F3);
+        app.update();
+        app.world_mut().remove_resource::<ButtonInput<KeyCode>>();
+        app.update();
+        assert!(app.world().resource::<AkariOverlay>().visible);
+    }
+}

@@ -1,16 +1,15 @@
-//! What interreflection costs by tier and by number of reflecting triangles, and how far tiers are apart.
+//! What interreflection costs by tier, preset and number of reflecting triangles, and how wrong each is.
 //!
-//! `cargo bench -p bevy_akari_benches --bench interreflection`; times are GPU spans of the adapter named first, all tiers in
-//! one run. `-- write` writes the table into the documentation of `akari_interreflection`.
+//! `cargo bench -p bevy_akari_benches --bench interreflection` prints the tables; with `-- write` it also writes
+//! `crates/akari_interreflection/docs/error_time.md` and its plot. Times are GPU spans of the adapter named in it, all in one
+//! run.
 
-use bevy::asset::RenderAssetUsages;
-use bevy::mesh::{Indices, PrimitiveTopology};
-use bevy::prelude::*;
-use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::interreflection::pipeline::SHADE_LABEL;
 use bevy_akari::prelude::*;
-use bevy_akari_tests::{headless_or_skip, picture, spawn_camera};
+use bevy_akari_benches::plot::{Series, errors_over_gpu_time};
+use bevy_akari_tests::reflecting::{Corner, Material, relative_rmse, triangles_as_patches, wall};
 use std::fmt::Write;
+use std::path::Path;
 
 /// Side of the pictures.
 const SIDE: u32 = 32;
@@ -26,178 +25,192 @@ const TIERS: [&str; 9] = [
     "6 nodes",
     "8 nodes",
 ];
-/// Frames that are timed; the first draws what a software GPU compiles.
-const FRAMES: usize = 3;
+/// The tier that others are held against.
+const BEST: u32 = 9;
+/// Frames whose shortest span counts.
+const FRAMES: usize = 5;
+/// By how many metres the sides of the bent wall come forward.
+const BEND: f32 = 0.35;
+const METAL: Material = Material::Metal(0.3);
+/// Squares along a side of the wall: 98 and 10,082 triangles.
+const FEW: u32 = 7;
+const MANY: u32 = 71;
 
-/// A square wall of 2 m in `rows`² squares of two triangles.
-fn wall(rows: u32) -> Mesh {
-    let at = |i: u32| 2.0 * i as f32 / rows as f32;
-    let mut positions = Vec::new();
-    for y in 0..=rows {
-        for x in 0..=rows {
-            positions.push([at(x) - 1.0, at(y), -1.0]);
-        }
+/// What the wall adds, and the time of the pass in ms.
+fn measure(corner: &mut Corner, settings: Interreflection, plain: &[f64]) -> (Vec<f64>, f64) {
+    let added = corner.added(settings, plain);
+    let mut least = f64::INFINITY;
+    for _ in 0..FRAMES {
+        corner.headless.step().expect("it renders");
+        let spans = corner.headless.gpu_times();
+        let ours = spans.iter().filter(|(name, _)| name.contains(SHADE_LABEL));
+        least = ours.map(|(_, ms)| *ms).fold(least, f64::min);
     }
-    let mut indices = Vec::new();
-    for y in 0..rows {
-        for x in 0..rows {
-            let a = y * (rows + 1) + x;
-            let (b, c, d) = (a + 1, a + rows + 2, a + rows + 1);
-            indices.extend([a, b, c, a, c, d]);
-        }
-    }
-    let normals = vec![[0.0, 0.0, 1.0]; positions.len()];
-    Mesh::new(
-        PrimitiveTopology::TriangleList,
-        RenderAssetUsages::default(),
-    )
-    .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
-    .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
-    .with_inserted_indices(Indices::U32(indices))
+    (added, least)
 }
 
-struct Bench {
-    headless: Headless,
-    camera: Entity,
-    wall: Entity,
-    materials: [Handle<StandardMaterial>; 2],
+/// Relative RMSE, and the largest difference over the mean.
+fn errors(added: &[f64], truth: &[f64]) -> [f64; 2] {
+    let mean = truth.iter().sum::<f64>() / truth.len() as f64;
+    let largest = (added.iter().zip(truth))
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    [relative_rmse(added, truth), largest / mean]
 }
 
-impl Bench {
-    fn new() -> Option<Self> {
-        let mut headless = headless_or_skip("interreflection")?;
-        let world = headless.app.world_mut();
-        let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
-        let lambert = materials.add(StandardMaterial {
-            base_color: Color::linear_rgb(0.7, 0.5, 0.3),
-            reflectance: 0.0,
-            ..default()
-        });
-        let metal = materials.add(StandardMaterial {
-            metallic: 1.0,
-            perceptual_roughness: 0.3,
-            ..default()
-        });
-        let mut meshes = world.resource_mut::<Assets<Mesh>>();
-        let floor = meshes.add(Plane3d::default().mesh().size(2.0, 2.0).build());
-        let one = meshes.add(wall(1));
-        world.spawn((Mesh3d(floor), MeshMaterial3d(lambert.clone())));
-        let wall = world
-            .spawn((Mesh3d(one), MeshMaterial3d(lambert.clone())))
-            .id();
-        world.spawn((
-            PolygonLight::rectangle(0.5, 0.5).with_luminance(30.0),
-            Transform::from_xyz(0.35, 1.9, 1.0).looking_at(Vec3::new(0.0, 0.35, -0.6), Vec3::Y),
-        ));
-        let camera = spawn_camera(&mut headless, SIDE, Vec3::new(0.0, 2.2, 1.6));
-        Some(Self {
-            headless,
-            camera,
-            wall,
-            materials: [lambert, metal],
-        })
-    }
-
-    /// What the wall adds, and the time of the pass in ms.
-    fn measure(&mut self, rows: u32, glossy: bool, tier: u32) -> (Vec<f64>, f64) {
-        let material = self.materials[usize::from(glossy)].clone();
-        let world = self.headless.app.world_mut();
-        let mesh = world.resource_mut::<Assets<Mesh>>().add(wall(rows));
-        world.entity_mut(self.camera).insert(Interreflection {
-            tier,
-            // As many patches as triangles.
-            patch: 4.0,
-            most_patches: 65_536,
-        });
-        let body = (Mesh3d(mesh), MeshMaterial3d(material));
-        world
-            .entity_mut(self.wall)
-            .remove::<Reflector>()
-            .insert(body);
-        let without = picture(&mut self.headless, self.camera);
-        let world = self.headless.app.world_mut();
-        world.entity_mut(self.wall).insert(Reflector);
-        let with = picture(&mut self.headless, self.camera);
-        let mut times = Vec::new();
-        for _ in 0..FRAMES {
-            self.headless.step().expect("it renders");
-            let spans = self.headless.gpu_times();
-            times.extend(
-                spans
-                    .iter()
-                    .filter(|(name, _)| name.contains(SHADE_LABEL))
-                    .map(|(_, ms)| *ms),
+/// Every tier at each triangle of a flat metal wall.
+fn tiers(corner: &mut Corner, series: &mut Vec<Series>) -> String {
+    let mut rows = String::from(
+        "| tier | | ms | ns a triangle and pixel | relative RMSE | largest error over the mean |\n|---|---|---|---|---|---|\n",
+    );
+    corner.build(wall(FEW, 0.0), METAL);
+    let plain = corner.plain();
+    let (truth, _) = measure(corner, triangles_as_patches(BEST, 0.0), &plain);
+    let mut lobes = Series::new("cosine lobes");
+    let mut nodes = Series::new("nodes");
+    for (index, name) in TIERS.iter().enumerate() {
+        let tier = index as u32 + 1;
+        let (added, time) = measure(corner, triangles_as_patches(tier, 0.0), &plain);
+        let [rmse, largest] = errors(&added, &truth);
+        let per_triangle = 1e6 * time / f64::from(2 * FEW * FEW * SIDE * SIDE);
+        let _ = writeln!(
+            rows,
+            "| {tier} | {name} | {time:.1} | {per_triangle:.0} | {rmse:.1e} | {largest:.1e} |"
+        );
+        eprintln!("{}", rows.lines().last().unwrap_or_default());
+        let into = if tier > 3 { &mut nodes } else { &mut lobes };
+        if tier < BEST {
+            into.push(
+                name.chars().take(1).collect(),
+                time,
+                [rmse, largest],
+                Some(time),
             );
         }
-        let time = times.into_iter().fold(f64::INFINITY, f64::min);
-        let values = |image: &ReadImage| -> Vec<f64> {
-            let pixels = image.data.iter().flat_map(|pixel| &pixel[..3]);
-            pixels.map(|value| f64::from(*value)).collect()
-        };
-        let added = (values(&with).iter())
-            .zip(values(&without))
-            .map(|(a, b)| a - b)
-            .collect();
-        (added, time)
     }
+    series.extend([lobes, nodes]);
+    rows
 }
 
-fn relative_rmse(a: &[f64], truth: &[f64]) -> f64 {
-    let error: f64 = a.iter().zip(truth).map(|(a, b)| (a - b) * (a - b)).sum();
-    (error / truth.iter().map(|b| b * b).sum::<f64>()).sqrt()
+/// Presets, and the highest one with coarser and finer clusters, at a bent metal wall.
+fn presets(corner: &mut Corner, series: &mut Vec<Series>) -> String {
+    let mut rows =
+        String::from("| | ms | relative RMSE | largest error over the mean |\n|---|---|---|---|\n");
+    const ROWS: u32 = 22;
+    corner.build(wall(ROWS, BEND), METAL);
+    let plain = corner.plain();
+    let (truth, time) = measure(corner, triangles_as_patches(BEST, 0.0), &plain);
+    let _ = writeln!(rows, "| all triangles, 8 nodes | {time:.1} | | |");
+    let mut of_presets = Series::new("presets");
+    let mut of_cuts = Series::new("error allowed, 3 nodes");
+    let preset = |quality: Quality| AkariSettings::preset(quality).interreflection;
+    let cuts = [0.8, 0.4, 0.2, 0.1, 0.05, 0.02];
+    let high = preset(Quality::High);
+    let settings = (Quality::ALL.into_iter())
+        .map(|quality| (format!("{quality:?}").to_lowercase(), preset(quality), true))
+        .chain(cuts.map(|cut| (format!("{cut}"), Interreflection { cut, ..high }, false)));
+    for (name, settings, is_preset) in settings {
+        let (added, time) = measure(corner, settings, &plain);
+        let [rmse, largest] = errors(&added, &truth);
+        let title = if is_preset {
+            name.clone()
+        } else {
+            format!("high with `cut` {name}")
+        };
+        let _ = writeln!(rows, "| {title} | {time:.1} | {rmse:.1e} | {largest:.1e} |");
+        eprintln!("{}", rows.lines().last().unwrap_or_default());
+        let into = if is_preset {
+            &mut of_presets
+        } else {
+            &mut of_cuts
+        };
+        into.push(name, time, [rmse, largest], Some(time));
+    }
+    series.extend([of_presets, of_cuts]);
+    rows
+}
+
+/// Few and many triangles of the same walls, one by one and in clusters.
+fn clusters(corner: &mut Corner) -> String {
+    let count = |rows: u32| 2 * rows * rows;
+    let mut rows = format!(
+        "| wall | {} triangles, ms | {} in clusters, ms | {} in clusters, ms | ratio | {} one by one, ms | relative RMSE against them | largest error over the mean |\n|---|---|---|---|---|---|---|---|\n",
+        count(FEW),
+        count(FEW),
+        count(MANY),
+        count(MANY)
+    );
+    let high = AkariSettings::preset(Quality::High).interreflection;
+    for (name, bend, material) in [
+        ("flat, Lambert", 0.0, Material::Lambert),
+        ("flat, metal", 0.0, METAL),
+        ("bent, Lambert", BEND, Material::Lambert),
+        ("bent, metal", BEND, METAL),
+    ] {
+        corner.build(wall(FEW, bend), material);
+        let plain = corner.plain();
+        let (_, few_alone) = measure(corner, triangles_as_patches(high.tier, 0.0), &plain);
+        let (_, few) = measure(corner, triangles_as_patches(high.tier, high.cut), &plain);
+        corner.build(wall(MANY, bend), material);
+        let plain = corner.plain();
+        let (truth, alone) = measure(corner, triangles_as_patches(high.tier, 0.0), &plain);
+        let (added, many) = measure(corner, triangles_as_patches(high.tier, high.cut), &plain);
+        let [rmse, largest] = errors(&added, &truth);
+        let _ = writeln!(
+            rows,
+            "| {name} | {few_alone:.1} | {few:.1} | {many:.1} | {:.1} | {alone:.1} | {:.1} % | {:.1} % |",
+            many / few,
+            100.0 * rmse,
+            100.0 * largest
+        );
+        eprintln!("{}", rows.lines().last().unwrap_or_default());
+    }
+    rows
 }
 
 fn main() {
-    let Some(mut bench) = Bench::new() else {
+    let Some(mut corner) = Corner::new("interreflection", SIDE) else {
         return;
     };
-    let mut page = String::from(
-        "# One bounce by triangles: what tiers and triangles cost\n\n\
-         Written by `cargo bench -p bevy_akari_benches --bench interreflection -- write`; do not edit.\n\n",
+    let adapter = corner.headless.adapter();
+    // Without the driver.
+    let adapter = adapter.split(" (Mesa").next().unwrap_or_default();
+    let mut series = Vec::new();
+    let clusters = clusters(&mut corner);
+    let tiers = tiers(&mut corner, &mut series);
+    let presets = presets(&mut corner, &mut series);
+    let high = AkariSettings::preset(Quality::High).interreflection;
+    let text = format!(
+        "# One bounce by triangles: error against time\n\n\
+        Written by `cargo bench -p bevy_akari_benches --bench interreflection -- write`; do not edit.\n\n\
+        A wall of 2 m, cut into triangles, lights a Lambert floor before it; {SIDE} × {SIDE} pixels, one area light. Times are\n\
+        the shortest GPU spans of the shading pass of {FRAMES} frames on {adapter}, all in one run; errors are those of the\n\
+        light that is added, against all triangles with 8 nodes an edge. What all of it is off from the path tracer stands in\n\
+        the README.\n\n\
+        ## Tiers\n\nA flat metal wall of alpha 0.09, each of its {} triangles.\n\n{tiers}\n\
+        ## Presets\n\nA bent metal wall of 968 triangles.\n\n{presets}\n\
+        ## Few and many triangles\n\nThe bent wall's sides come {BEND} m forward. Clusters may err by {} (`cut` of the preset `high`).\n\n{clusters}\n\
+        ![error against time](error_time.svg)\n",
+        2 * FEW * FEW,
+        high.cut
     );
-    let _ = writeln!(
-        page,
-        "A wall of 2 m, cut into triangles, lights a Lambert floor before it; {SIDE} x {SIDE} pixels, one area light. Smallest\n\
-         GPU time of the shading pass of {FRAMES} frames on {}. Errors against the path tracer stand in the README; the\n\
-         differences here are those of the light that is added, as relative RMSE.\n",
-        bench.headless.adapter()
-    );
-    page.push_str("## Tiers\n\nA metal wall of alpha 0.09 in 98 triangles.\n\n| tier | | ms | difference from 8 nodes |\n|---|---|---|---|\n");
-    let (best, _) = bench.measure(7, true, 9);
-    for (index, name) in TIERS.iter().enumerate() {
-        let tier = index as u32 + 1;
-        let (added, time) = bench.measure(7, true, tier);
-        let error = relative_rmse(&added, &best);
-        let row = format!("| {tier} | {name} | {time:.1} | {error:.1e} |");
-        println!("{row}");
-        let _ = writeln!(page, "{row}");
-    }
-    page.push_str(
-        "\n## Triangles\n\nEvery pixel visits every triangle. Differences are from 2 triangles.\n\n\
-         | triangles | Lambert, ms | difference | metal, 3 nodes, ms | difference |\n|---|---|---|---|---|\n",
-    );
-    let whole = [false, true].map(|glossy| bench.measure(1, glossy, 6).0);
-    for rows in [1, 7, 22] {
-        let _ = write!(page, "| {} ", 2 * rows * rows);
-        for (glossy, whole) in [false, true].into_iter().zip(&whole) {
-            let (added, time) = bench.measure(rows, glossy, 6);
-            let error = relative_rmse(&added, whole);
-            let cells = format!("| {time:.1} | {:.1} % ", 100.0 * error);
-            println!("{} {cells}", 2 * rows * rows);
-            page.push_str(&cells);
-        }
-        page.push_str("|\n");
-    }
-    println!("{page}");
+    print!("{text}");
     if std::env::args().any(|argument| argument == "write") {
-        let path = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../crates/akari_interreflection/docs/interreflection.md"
+        let folder =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/akari_interreflection/docs");
+        let heading = format!("One bounce by triangles: error against time of a frame ({adapter})");
+        let plot = errors_over_gpu_time(
+            &heading,
+            "shading pass, ms",
+            ["relative RMSE", "largest error over the mean"],
+            &series,
         );
-        let folder = std::path::Path::new(path).parent();
-        let made = folder.map_or(Ok(()), std::fs::create_dir_all);
-        if let Err(error) = made.and_then(|()| std::fs::write(path, &page)) {
-            eprintln!("{path}: {error}");
+        let written = std::fs::create_dir_all(&folder)
+            .and_then(|()| std::fs::write(folder.join("error_time.md"), &text))
+            .and_then(|()| std::fs::write(folder.join("error_time.svg"), plot));
+        if let Err(error) = written {
+            eprintln!("cannot write to {}: {error}", folder.display());
+            std::process::exit(1);
         }
     }
 }

@@ -5,6 +5,7 @@ pub mod controls;
 pub mod demo;
 pub mod gi;
 pub mod orbit;
+pub mod reflecting;
 pub mod shadow_probe;
 pub mod shapes;
 pub mod stochastic;

@@ -2,6 +2,7 @@
 
 pub mod accuracy;
 pub mod denoise;
+pub mod reflecting;
 pub mod room;
 pub mod shadows;
 

@@ -2,7 +2,6 @@
 
 use crate::EFFECT;
 use crate::reflector::Reflector;
-use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
 use bevy::prelude::*;
 
@@ -10,10 +9,13 @@ use bevy::prelude::*;
 pub const REFLECTORS: &str = "reflectors";
 /// Census entry: Bevy's punctual and directional lights that are not hidden.
 pub const REFLECTED_LIGHTS: &str = "lights that reflectors see";
-/// Census entry: active cameras with an [`AkariCamera`] whose bounces no other effect gathers.
+/// Census entry: active cameras with an [`AkariCamera`].
 pub const CAMERAS: &str = "cameras with interreflection";
 /// Census entry of the effect of area lights, if it is there.
 const AREA_LIGHTS: &str = "visible area lights";
+
+/// What hides reflectors from what they light, and lights from reflectors.
+pub const OCCLUSION: &str = "none";
 
 /// Systems of the main world.
 pub(crate) fn build(app: &mut App) {
@@ -35,14 +37,14 @@ pub fn demand(census: &Census) -> Demand {
     } else if lights == 0 {
         Demand::idle("no light for the reflectors")
     } else if census.count(CAMERAS) == 0 {
-        Demand::idle("no active camera asks for it without another effect that gathers bounces")
+        Demand::idle("no active camera asks for effects")
     } else {
         let plural = |count: u32, one: &str| {
             let s = if count == 1 { "" } else { "s" };
             format!("{count} {one}{s}")
         };
         Demand::needed(format!(
-            "{} may reflect {}",
+            "{} may reflect {}; occlusion: {OCCLUSION}",
             plural(reflectors, "reflector"),
             plural(lights, "light")
         ))
@@ -54,7 +56,7 @@ fn count(
     directional: Query<(&DirectionalLight, &InheritedVisibility)>,
     points: Query<(&PointLight, &InheritedVisibility)>,
     spots: Query<(&SpotLight, &InheritedVisibility)>,
-    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>)>,
+    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>)>,
     mut census: ResMut<Census>,
 ) {
     let shown = reflectors.iter().filter(|visible| visible.get()).count();
@@ -108,7 +110,7 @@ mod tests {
         census.set(AREA_LIGHTS, 2);
         assert_eq!(
             demand(&census),
-            Demand::needed("1 reflector may reflect 2 lights")
+            Demand::needed("1 reflector may reflect 2 lights; occlusion: none")
         );
         census.set(REFLECTORS, 0);
         assert!(!demand(&census).needed);

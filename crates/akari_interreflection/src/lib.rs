@@ -32,6 +32,7 @@ use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
+pub mod clusters;
 pub mod demand;
 pub mod geometry;
 pub mod lights;
@@ -70,6 +71,8 @@ impl Plugin for InterreflectionPlugin {
         }
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "lights.wgsl");
+        load_shader_library!(app, "clusters.wgsl");
+        embedded_asset!(app, "aggregate.wgsl");
         embedded_asset!(app, "irradiance.wgsl");
         embedded_asset!(app, "shade.wgsl");
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {

@@ -112,7 +112,8 @@ pub fn nearest_distance(
 /// The lights as the shaders read them: [`LIGHT_STRIDE`] vectors each, then the corners of polygons; and how many.
 ///
 /// A light is: position and kind; color and 1/range²; direction, and the area of a polygon; of a point light the scale and
-/// offset of its cone, of a polygon its first corner, their number, and whether it is two-sided.
+/// offset of its cone, of a polygon its first corner, their number, whether it is two-sided, and
+/// how far its corners are from its position at most.
 pub fn pack_lights(lights: &[PunctualLight], polygons: &[AreaLightPolygon]) -> (Vec<Vec4>, u32) {
     let mut vectors = Vec::new();
     let inverse_square = |range: f32| 1.0 / (range * range).max(1e-12);
@@ -166,7 +167,10 @@ pub fn pack_lights(lights: &[PunctualLight], polygons: &[AreaLightPolygon]) -> (
                 first as f32,
                 corners.len() as f32,
                 f32::from(u8::from(polygon.two_sided)),
-                0.0,
+                corners
+                    .iter()
+                    .map(|corner| corner.distance(center))
+                    .fold(0.0, f32::max),
             ),
         ]);
         first += corners.len();
@@ -206,7 +210,8 @@ mod tests {
         let (vectors, count) = pack_lights(&[point], &[bad, polygon.clone()]);
         assert_eq!(count, 2);
         assert_eq!(vectors.len(), 2 * LIGHT_STRIDE as usize + 3);
-        assert_eq!(vectors[7], Vec4::new(8.0, 3.0, 1.0, 0.0));
+        assert_eq!(vectors[7].truncate(), Vec3::new(8.0, 3.0, 1.0));
+        assert!((vectors[7].w - 5.0_f32.sqrt() / 3.0).abs() < 1e-6);
         assert_eq!(vectors[6], Vec4::new(0.0, 0.0, 1.0, 0.5), "normal and area");
         assert!(vectors.iter().all(|vector| vector.is_finite()));
         assert_eq!(pack_lights(&[], &[]), (vec![Vec4::ZERO], 0));

@@ -22,6 +22,8 @@ struct Light {
     first: u32,
     count: u32,
     two_sided: bool,
+    // Of the polygon about its middle.
+    radius: f32,
 }
 
 fn unpack_light(v_zero: vec4<f32>, v_one: vec4<f32>, v_two: vec4<f32>, v_three: vec4<f32>) -> Light {
@@ -37,6 +39,7 @@ fn unpack_light(v_zero: vec4<f32>, v_one: vec4<f32>, v_two: vec4<f32>, v_three: 
         light.first = u32(v_three.x);
         light.count = u32(v_three.y);
         light.two_sided = v_three.z > 0.5;
+        light.radius = v_three.w;
     }
     return light;
 }

@@ -1,6 +1,6 @@
-//! The two passes: light the corners of patches where something changed, then shade pixels.
+//! The passes: light the corners of patches and sum up their clusters where something changed, then shade pixels.
 
-use crate::pipeline::{IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL};
+use crate::pipeline::{AGGREGATE_LABEL, IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL};
 use crate::prepare::ViewReflectors;
 use crate::types::IRRADIANCE_WORKGROUP;
 use akari_render::ledger::GpuLedger;
@@ -11,7 +11,7 @@ use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache, Render
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
 
-/// Lights the corners of patches, if lights or reflectors changed.
+/// Lights the corners of patches, and sums up their clusters, if lights or reflectors changed.
 pub fn light_patches(
     view: ViewQuery<&mut ViewReflectors>,
     pipelines: Option<Res<InterreflectionPipelines>>,
@@ -34,6 +34,13 @@ pub fn light_patches(
     let Some(pipeline) = cache.get_compute_pipeline(pipelines.irradiance) else {
         return;
     };
+    let aggregate = match &reflectors.aggregate_group {
+        Some(group) => match cache.get_compute_pipeline(pipelines.aggregate) {
+            Some(pipeline) => Some((pipeline, group.clone())),
+            None => return,
+        },
+        None => None,
+    };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let corners: u32 = 3 * reflectors.patches;
@@ -51,6 +58,20 @@ pub fn light_patches(
     }
     span.end(encoder);
     ledger.count_pass(IRRADIANCE_LABEL);
+    if let Some((pipeline, group)) = aggregate {
+        let span = diagnostics.time_span(encoder, AGGREGATE_LABEL);
+        {
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+                label: Some(AGGREGATE_LABEL),
+                timestamp_writes: None,
+            });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(1, 1, 1);
+        }
+        span.end(encoder);
+        ledger.count_pass(AGGREGATE_LABEL);
+    }
     reflectors.stale = false;
 }
 

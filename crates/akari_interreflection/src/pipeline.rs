@@ -1,6 +1,8 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
-use crate::types::{GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle};
+use crate::types::{
+    GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+};
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::prelude::*;
@@ -15,6 +17,8 @@ use bevy::shader::Shader;
 
 /// Label of the pass that lights patches and of its time span.
 pub const IRRADIANCE_LABEL: &str = "akari_interreflection_irradiance";
+/// Label of the pass that sums up the light of clusters and of its time span.
+pub const AGGREGATE_LABEL: &str = "akari_interreflection_aggregate";
 /// Label of the pass that shades pixels and of its time span.
 pub const SHADE_LABEL: &str = "akari_interreflection_shade";
 
@@ -23,10 +27,14 @@ pub const SHADE_LABEL: &str = "akari_interreflection_shade";
 pub struct InterreflectionPipelines {
     /// Bind group of the pass that lights patches.
     pub irradiance_layout: BindGroupLayoutDescriptor,
+    /// Bind group of the pass that sums up clusters.
+    pub aggregate_layout: BindGroupLayoutDescriptor,
     /// Bind group of the shading pass.
     pub shade_layout: BindGroupLayoutDescriptor,
     /// The pass that lights patches.
     pub irradiance: CachedComputePipelineId,
+    /// The pass that sums up clusters.
+    pub aggregate: CachedComputePipelineId,
     /// M⁻¹ and magnitude, two layers.
     pub ltc_table: TextureView,
     /// Bilinear, clamped.
@@ -62,6 +70,21 @@ impl InterreflectionPipelines {
                 (settings, triangles, read, storage_buffer_sized(false, None)),
             ),
         );
+        let clusters = storage_buffer_read_only_sized(false, Some(GpuCluster::min_size()));
+        let aggregate_layout = BindGroupLayoutDescriptor::new(
+            "akari_interreflection_aggregate_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (
+                    settings,
+                    triangles,
+                    read,
+                    clusters,
+                    read,
+                    storage_buffer_sized(false, Some(GpuClusterLight::min_size())),
+                ),
+            ),
+        );
         let shade_layout = BindGroupLayoutDescriptor::new(
             "akari_interreflection_shade_layout",
             &BindGroupLayoutEntries::sequential(
@@ -76,6 +99,8 @@ impl InterreflectionPipelines {
                     read,
                     read,
                     materials,
+                    clusters,
+                    storage_buffer_read_only_sized(false, Some(GpuClusterLight::min_size())),
                     texture_2d_array(TextureSampleType::Float { filterable: true }),
                     sampler(SamplerBindingType::Filtering),
                 ),
@@ -87,10 +112,18 @@ impl InterreflectionPipelines {
             shader: load_embedded_asset!(assets, "irradiance.wgsl"),
             ..default()
         });
+        let aggregate = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(AGGREGATE_LABEL.into()),
+            layout: vec![aggregate_layout.clone()],
+            shader: load_embedded_asset!(assets, "aggregate.wgsl"),
+            ..default()
+        });
         Self {
             irradiance_layout,
+            aggregate_layout,
             shade_layout,
             irradiance,
+            aggregate,
             ltc_table: upload_ltc_table(device, queue),
             table_sampler: device.create_sampler(&SamplerDescriptor {
                 label: Some("akari_interreflection_table_sampler"),

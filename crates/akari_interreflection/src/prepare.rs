@@ -1,10 +1,13 @@
 //! Buffers, bind groups and pipelines of the views that reflectors light, and their release.
 
 use crate::EFFECT;
+use crate::clusters::Clusters;
 use crate::lights::{ReflectedLights, pack_lights};
 use crate::pipeline::{InterreflectionPipelines, ShadeKey, ltc_table_bytes};
-use crate::scene::{ReflectorScene, ViewInterreflection, cut};
-use crate::types::{GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle};
+use crate::scene::{ReflectorScene, Triangles, ViewInterreflection, cut};
+use crate::types::{
+    GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+};
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::prelude::*;
 use bevy::core_pipeline::FullscreenShader;
@@ -23,6 +26,59 @@ struct Made {
     lights: Vec<Vec4>,
     patch: f32,
     most_patches: u32,
+    clustered: bool,
+    mirrored_only: bool,
+}
+
+/// Triangles and their clusters on the GPU.
+#[derive(Clone)]
+struct Tree {
+    /// What they were made of.
+    source: Triangles,
+    clustered: bool,
+    triangles: Buffer,
+    clusters: Buffer,
+    order: Buffer,
+    cluster_light: Buffer,
+    of_patches: u32,
+    count: u32,
+    levels: u32,
+}
+
+impl Tree {
+    fn new(device: &RenderDevice, source: Triangles, clustered: bool) -> Self {
+        let mut ordered = source.triangles.clone();
+        let clusters = if clustered {
+            Clusters::new(&mut ordered, source.patches)
+        } else {
+            Clusters::default()
+        };
+        let light = u64::from(clusters.of_patches.max(1)) * GpuClusterLight::min_size().get();
+        Self {
+            clustered,
+            triangles: storage::<GpuTriangle>(device, "akari_interreflection_triangles", &ordered),
+            clusters: storage::<GpuCluster>(
+                device,
+                "akari_interreflection_clusters",
+                &clusters.clusters,
+            ),
+            order: storage::<u32>(device, "akari_interreflection_order", &clusters.order),
+            cluster_light: device.create_buffer(&BufferDescriptor {
+                label: Some("akari_interreflection_cluster_light"),
+                size: light,
+                usage: BufferUsages::STORAGE,
+                mapped_at_creation: false,
+            }),
+            of_patches: clusters.of_patches,
+            count: clusters.clusters.len() as u32,
+            levels: clusters.levels,
+            source,
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.triangles.size() + self.clusters.size() + self.order.size() + self.cluster_light.size()
+    }
 }
 
 /// What the passes of one view read and write.
@@ -30,7 +86,7 @@ struct Made {
 pub struct ViewReflectors {
     made: Made,
     uniform: Buffer,
-    triangles: Buffer,
+    tree: Tree,
     lights: Buffer,
     patch_light: Buffer,
     materials: Buffer,
@@ -45,6 +101,8 @@ pub struct ViewReflectors {
     pub shade: CachedRenderPipelineId,
     /// Bind group of the pass that lights patches.
     pub irradiance_group: Option<BindGroup>,
+    /// Bind group of the pass that sums up clusters, if there are any of patches.
+    pub aggregate_group: Option<BindGroup>,
     /// Bind group of the shading pass; made anew each frame, since the prepass textures may change.
     pub shade_group: Option<BindGroup>,
 }
@@ -145,16 +203,18 @@ pub fn prepare_reflectors(
             lights: vectors.clone(),
             patch: settings.patch,
             most_patches: settings.most_patches,
+            clustered: settings.cut > 0.0,
+            mirrored_only: interreflection.mirrored_only,
         };
         let key = ShadeKey {
             target_format: view.target_format,
             cosine_lobes: settings.cosine_lobes().is_some(),
         };
         let shade = specialized.specialize(&cache, &pipelines, key);
-        let uniform_of = |patches, glossy, light_count| {
+        let uniform_of = |tree: &Tree, light_count| {
             let uniform = GpuInterreflectionView {
-                patches,
-                glossy,
+                patches: tree.source.patches,
+                glossy: tree.source.triangles.len() as u32 - tree.source.patches,
                 lights: light_count,
                 nodes: settings.nodes().unwrap_or(0),
                 lobes: settings.cosine_lobes().unwrap_or(0),
@@ -162,6 +222,10 @@ pub fn prepare_reflectors(
                     .map_or(u32::from(DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID), |id| {
                         u32::from(id.get())
                     }),
+                patch_clusters: tree.of_patches,
+                clusters: tree.count,
+                levels: tree.levels,
+                cut: settings.cut,
                 pad: UVec2::ZERO,
             };
             let mut bytes = encase::UniformBuffer::new(Vec::new());
@@ -170,18 +234,23 @@ pub fn prepare_reflectors(
             }
             bytes.into_inner()
         };
-        if let Some(mut existing) = existing
-            && existing.made == made
-        {
-            existing.shade = shade;
-            let bytes = uniform_of(existing.patches, existing.glossy, existing.light_count);
-            queue.write_buffer(&existing.uniform, 0, &bytes);
-            continue;
+        let mut kept = None;
+        if let Some(mut existing) = existing {
+            if existing.made == made {
+                existing.shade = shade;
+                let bytes = uniform_of(&existing.tree, existing.light_count);
+                queue.write_buffer(&existing.uniform, 0, &bytes);
+                continue;
+            }
+            kept = Some(existing.tree.clone());
         }
-        let cut = cut(&scene, &lights.lights, &polygons.lights, settings);
-        let glossy = cut.triangles.len() as u32 - cut.patches;
-        let triangles =
-            storage::<GpuTriangle>(&device, "akari_interreflection_triangles", &cut.triangles);
+        let cut = cut(&scene, &lights.lights, &polygons.lights, interreflection);
+        // Lights that move mostly leave patches as they are.
+        let tree = kept
+            .filter(|tree| tree.source == cut && tree.clustered == made.clustered)
+            .unwrap_or_else(|| Tree::new(&device, cut, made.clustered));
+        let patches = tree.source.patches;
+        let glossy = tree.source.triangles.len() as u32 - patches;
         let materials = storage::<GpuReflectorMaterial>(
             &device,
             "akari_interreflection_materials",
@@ -194,24 +263,25 @@ pub fn prepare_reflectors(
         });
         let patch_light = device.create_buffer(&BufferDescriptor {
             label: Some("akari_interreflection_patch_light"),
-            size: u64::from(cut.patches.max(1)) * 3 * size_of::<Vec4>() as u64,
+            size: u64::from(patches.max(1)) * 3 * size_of::<Vec4>() as u64,
             usage: BufferUsages::STORAGE,
             mapped_at_creation: false,
         });
         let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("akari_interreflection_view"),
-            contents: &uniform_of(cut.patches, glossy, light_count),
+            contents: &uniform_of(&tree, light_count),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
-        let held = triangles.size()
+        let held = tree.bytes()
             + materials.size()
             + light_buffer.size()
             + patch_light.size()
             + uniform.size();
         ledger.set_bytes(EFFECT, format!("view {entity}"), held);
         for (name, count) in [
-            ("interreflection diffuse patches", cut.patches),
+            ("interreflection diffuse patches", patches),
             ("interreflection glossy triangles", glossy),
+            ("interreflection clusters", tree.count),
             ("interreflection triangles dropped", scene.dropped),
         ] {
             ledger.set_counter(name, u64::from(count));
@@ -219,16 +289,17 @@ pub fn prepare_reflectors(
         commands.entity(entity).insert(ViewReflectors {
             made,
             uniform,
-            triangles,
+            tree,
             lights: light_buffer,
             patch_light,
             materials,
-            patches: cut.patches,
+            patches,
             glossy,
             light_count,
             stale: true,
             shade,
             irradiance_group: None,
+            aggregate_group: None,
             shade_group: None,
         });
     }
@@ -249,12 +320,26 @@ pub fn prepare_bind_groups(
             &cache.get_bind_group_layout(&pipelines.irradiance_layout),
             &BindGroupEntries::sequential((
                 view.uniform.as_entire_binding(),
-                view.triangles.as_entire_binding(),
+                view.tree.triangles.as_entire_binding(),
                 view.lights.as_entire_binding(),
                 view.patch_light.as_entire_binding(),
             )),
         );
         view.irradiance_group = Some(irradiance);
+        view.aggregate_group = (view.tree.of_patches > 0).then(|| {
+            device.create_bind_group(
+                "akari_interreflection_aggregate",
+                &cache.get_bind_group_layout(&pipelines.aggregate_layout),
+                &BindGroupEntries::sequential((
+                    view.uniform.as_entire_binding(),
+                    view.tree.triangles.as_entire_binding(),
+                    view.patch_light.as_entire_binding(),
+                    view.tree.clusters.as_entire_binding(),
+                    view.tree.order.as_entire_binding(),
+                    view.tree.cluster_light.as_entire_binding(),
+                )),
+            )
+        });
         view.shade_group = None;
         let (Some(view_uniform), Some(depth), Some(gbuffer), Some(pass_id)) = (
             view_uniforms.uniforms.binding(),
@@ -273,10 +358,12 @@ pub fn prepare_bind_groups(
                 depth,
                 gbuffer,
                 &pass_id.texture.default_view,
-                view.triangles.as_entire_binding(),
+                view.tree.triangles.as_entire_binding(),
                 view.lights.as_entire_binding(),
                 view.patch_light.as_entire_binding(),
                 view.materials.as_entire_binding(),
+                view.tree.clusters.as_entire_binding(),
+                view.tree.cluster_light.as_entire_binding(),
                 &pipelines.ltc_table,
                 &pipelines.table_sampler,
             )),

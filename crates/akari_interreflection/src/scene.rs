@@ -34,6 +34,8 @@ pub struct ReflectorScene {
 pub struct ViewInterreflection {
     /// The camera's settings.
     pub settings: Interreflection,
+    /// Whether another effect gathers what bounces diffusely, so that only what reflectors mirror is added.
+    pub mirrored_only: bool,
 }
 
 /// Marks the views.
@@ -41,8 +43,13 @@ pub fn extract_views(
     mut commands: Commands,
     cameras: Extract<
         Query<
-            (RenderEntity, &Camera, Option<&Interreflection>),
-            (With<AkariCamera>, With<Camera3d>, Without<GathersBounces>),
+            (
+                RenderEntity,
+                &Camera,
+                Option<&Interreflection>,
+                Has<GathersBounces>,
+            ),
+            (With<AkariCamera>, With<Camera3d>),
         >,
     >,
     defaults: Extract<Res<DefaultInterreflection>>,
@@ -51,11 +58,12 @@ pub fn extract_views(
 ) {
     let mut wanted = HashSet::<Entity>::default();
     if report.is_active(EFFECT) {
-        for (view, camera, settings) in &cameras {
+        for (view, camera, settings, gathers) in &cameras {
             if camera.is_active {
                 wanted.insert(view);
                 commands.entity(view).insert(ViewInterreflection {
                     settings: settings.copied().unwrap_or(defaults.0),
+                    mirrored_only: gathers,
                 });
             }
         }
@@ -198,13 +206,23 @@ pub struct Triangles {
 /// Halvings of a triangle at most: a thousandth of its longest edge.
 const MOST_HALVINGS: u32 = 20;
 
-/// Cuts the diffuse triangles into patches. If there are more than the settings allow, all become larger alike.
+/// Cuts the diffuse triangles into patches. If there are more than the settings allow, all become larger alike. Where only
+/// what is mirrored counts, there are none.
 pub fn cut(
     scene: &ReflectorScene,
     lights: &[PunctualLight],
     polygons: &[AreaLightPolygon],
-    settings: &Interreflection,
+    view: &ViewInterreflection,
 ) -> Triangles {
+    let settings = &view.settings;
+    if view.mirrored_only {
+        let glossy = (scene.triangles.iter())
+            .filter(|triangle| is_glossy(&scene.materials[triangle.material as usize]));
+        return Triangles {
+            triangles: glossy.copied().collect(),
+            patches: 0,
+        };
+    }
     let of = |keep: fn(&GpuReflectorMaterial) -> bool| {
         scene
             .triangles
@@ -268,7 +286,13 @@ mod tests {
             spot: None,
         };
         let mut settings = Interreflection::default();
-        let cut_to = |settings: &Interreflection| cut(&scene, &[light], &[], settings);
+        let cut_to = |settings: &Interreflection| {
+            let view = ViewInterreflection {
+                settings: *settings,
+                mirrored_only: false,
+            };
+            cut(&scene, &[light], &[], &view)
+        };
         let fine = cut_to(&settings);
         let longest = |triangle: &GpuTriangle| triangle.a.distance(triangle.b);
         let (near, far) = (fine.triangles[..fine.patches as usize].iter())
@@ -280,5 +304,11 @@ mod tests {
         assert_eq!(fine.triangles.len() as u32, fine.patches + 1, "one glossy");
         settings.most_patches = 64;
         assert!(cut_to(&settings).patches <= 64);
+        let view = ViewInterreflection {
+            settings,
+            mirrored_only: true,
+        };
+        let mirrored = cut(&scene, &[light], &[], &view);
+        assert_eq!((mirrored.patches, mirrored.triangles.len()), (0, 1));
     }
 }

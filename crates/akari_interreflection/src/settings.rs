@@ -25,6 +25,10 @@ pub struct Interreflection {
     pub patch: f32,
     /// Most patches of all reflectors together. 64 to 65,536: where they would be more, all become larger alike.
     pub most_patches: u32,
+    /// Largest error of a cluster of triangles behind one rectangle, relative to the cluster's own light under the
+    /// receiver's largest weight in it (`akari_math::cluster`); where that light is little, a fiftieth of this share of white
+    /// in proportion to the cluster's solid angle. 0 to 1: 0 visits every triangle.
+    pub cut: f32,
 }
 
 /// Settings of every camera that has an [`AkariCamera`] but no [`Interreflection`].
@@ -78,7 +82,16 @@ impl Knobs for Interreflection {
             max: 65536.0,
             integer: true,
             presets: [512.0, 2048.0, 8192.0, 65536.0],
-            cost: "time of a pixel grows with the patches",
+            cost: "without clusters, time of a pixel grows with the patches",
+        },
+        Knob {
+            name: "cut",
+            what: "largest error of a cluster of triangles over its light; 0 visits every triangle",
+            min: 0.0,
+            max: 1.0,
+            integer: false,
+            presets: [0.4, 0.2, 0.1, 0.05],
+            cost: "half the error makes about twice the clusters",
         },
     ];
 
@@ -87,6 +100,7 @@ impl Knobs for Interreflection {
             "tier" => Some(self.tier as f32),
             "patch" => Some(self.patch),
             "most_patches" => Some(self.most_patches as f32),
+            "cut" => Some(self.cut),
             _ => None,
         }
     }
@@ -96,6 +110,7 @@ impl Knobs for Interreflection {
             "tier" => self.tier = value as u32,
             "patch" => self.patch = value,
             "most_patches" => self.most_patches = value as u32,
+            "cut" => self.cut = value,
             _ => {}
         }
     }
@@ -105,6 +120,7 @@ impl Knobs for Interreflection {
             tier: 1,
             patch: 1.0,
             most_patches: 64,
+            cut: 0.0,
         };
         for knob in Self::KNOBS {
             settings.store(knob.name, knob.presets[quality as usize]);

@@ -22,11 +22,15 @@
 }
 #endif
 #import akari_math::sg::polygon::{sg_polygon_add_edge, sg_polygon_close, sg_polygon_new, sg_rule}
-#import akari_math::special::safe_normalize
+#import akari_math::special::{safe_normalize, TINY}
 #import akari_render::gbuffer::{position_relative, unpack_surface, view_direction}
 #import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light, unpack_light}
+#import akari_interreflection::clusters::{
+    ClusterView, gloss_of, largest, least_versine, light_error, shape_error, view_cluster,
+}
 #import akari_interreflection::types::{
-    FLAG_TWO_SIDED, InterreflectionView, KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, ReflectorMaterial, Triangle,
+    Cluster, ClusterLight, FLAG_TWO_SIDED, InterreflectionView, KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
+    ReflectorMaterial, Triangle,
 }
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -38,8 +42,10 @@
 @group(0) @binding(6) var<storage, read> lights: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> patch_light: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> materials: array<ReflectorMaterial>;
-@group(0) @binding(9) var ltc_table: texture_2d_array<f32>;
-@group(0) @binding(10) var table_sampler: sampler;
+@group(0) @binding(9) var<storage, read> clusters: array<Cluster>;
+@group(0) @binding(10) var<storage, read> cluster_lights: array<ClusterLight>;
+@group(0) @binding(11) var ltc_table: texture_2d_array<f32>;
+@group(0) @binding(12) var table_sampler: sampler;
 
 // Views that graze or pass below an interpolated normal see the surface as from this cosine.
 const MIN_N_DOT_V: f32 = 1e-4;
@@ -52,6 +58,13 @@ const FLAT: f32 = 1e-5;
 const MIN_IMAGE: f32 = 1e-8;
 // Radiance, in nits, below which there is none.
 const MIN_RADIANCE: f32 = 1e-12;
+// Share of white, times the allowed error, that a cluster's error may be where it is a large part of the cluster's light: in
+// proportion to the solid angle, but at least this part of it.
+const FLOOR: f32 = 0.02;
+const LEAST_SHARE: f32 = 1.0 / 256.0;
+// By how much a GGX lobe may be denser than its spherical Gaussian.
+const LOBE_MARGIN: f32 = 2.0;
+const TWO_PI: f32 = 6.28318531;
 // Largest sharpness of a receiver's lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -95,11 +108,15 @@ struct Receiver {
     lobe_sharpness: f32,
 }
 
-// A triangle as the pixel sees it: corners relative to it, along the axes of the world, counter-clockwise.
+// A triangle, or the rectangle of a cluster, as the pixel sees it: corners relative to it, along the axes of the world,
+// counter-clockwise.
 struct Seen {
     a: vec3<f32>,
     b: vec3<f32>,
     c: vec3<f32>,
+    // Of a rectangle.
+    d: vec3<f32>,
+    rectangle: bool,
     normal_a: vec3<f32>,
     normal_b: vec3<f32>,
     normal_c: vec3<f32>,
@@ -117,6 +134,7 @@ fn see(triangle: Triangle, receiver: Receiver) -> Seen {
     seen.normal_b = triangle.normal_b;
     seen.normal_c = triangle.normal_c;
     seen.side = 1.0;
+    seen.rectangle = false;
     seen.visible = false;
     // Wholly below the horizon of the pixel's surface.
     let n = receiver.normal_ws;
@@ -145,27 +163,90 @@ fn see(triangle: Triangle, receiver: Receiver) -> Seen {
     return seen;
 }
 
-// Where a lobe from the pixel looks at a triangle.
+// A rectangle in the place of a cluster, its back where that is to the pixel.
+fn see_cluster(cluster: Cluster, offset: vec3<f32>, side: f32) -> Seen {
+    var seen: Seen;
+    seen.a = offset - cluster.axis_u - cluster.axis_v;
+    seen.b = offset + cluster.axis_u - cluster.axis_v;
+    seen.c = offset + cluster.axis_u + cluster.axis_v;
+    seen.d = offset - cluster.axis_u + cluster.axis_v;
+    if side < 0.0 {
+        let b = seen.b;
+        seen.b = seen.d;
+        seen.d = b;
+    }
+    seen.normal_a = side * cluster.normal;
+    seen.normal_b = seen.normal_a;
+    seen.normal_c = seen.normal_a;
+    seen.side = side;
+    seen.rectangle = true;
+    seen.visible = true;
+    return seen;
+}
+
+// Corners are visited in loops: an edge is much code, and compilers copy it to wherever it is called.
+fn corner_count(seen: Seen) -> u32 {
+    return select(3u, 4u, seen.rectangle);
+}
+
+// The corner at a place, along the axes of the shading frame.
+fn corner(receiver: Receiver, seen: Seen, place: u32) -> vec3<f32> {
+    var at = seen.d;
+    if place == 0u {
+        at = seen.a;
+    } else if place == 1u {
+        at = seen.b;
+    } else if place == 2u {
+        at = seen.c;
+    }
+    return at * receiver.frame;
+}
+
+// Weights of the corners of a triangle at its point nearest to `point`; of a rectangle the place along both sides, -1 to 1.
+fn nearest_weights(seen: Seen, point: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        let u = 0.5 * (seen.b - seen.a);
+        let v = 0.5 * (seen.d - seen.a);
+        let offset = point - 0.5 * (seen.a + seen.c);
+        let s = clamp(dot(offset, u) / max(dot(u, u), TINY), -1.0, 1.0);
+        let t = clamp(dot(offset, v) / max(dot(v, v), TINY), -1.0, 1.0);
+        return vec3(s, t, 0.0);
+    }
+    return triangle_weights(point, seen.a, seen.b, seen.c);
+}
+
+// Where a lobe from the pixel looks.
 fn look(seen: Seen, axis: vec3<f32>) -> vec3<f32> {
-    return triangle_weights(lobe_landing(axis, seen.a, seen.b, seen.c), seen.a, seen.b, seen.c);
+    return nearest_weights(seen, lobe_landing(axis, seen.a, seen.b, seen.c));
 }
 
 fn point_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        return 0.5 * ((seen.a + seen.c) + weights.x * (seen.b - seen.a) + weights.y * (seen.d - seen.a));
+    }
     return weights.x * seen.a + weights.y * seen.b + weights.z * seen.c;
 }
 
 fn normal_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        return seen.normal_a;
+    }
     return safe_normalize(weights.x * seen.normal_a + weights.y * seen.normal_b + weights.z * seen.normal_c, seen.normal_a);
+}
+
+// Light of a patch, or of a cluster, at the point of these weights.
+fn light_at(seen: Seen, index: u32, weights: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        let light = cluster_lights[index];
+        return max(light.mean + weights.x * light.slope_u + weights.y * light.slope_v, vec3(0.0));
+    }
+    return weights.x * patch_light[3u * index].rgb + weights.y * patch_light[3u * index + 1u].rgb
+        + weights.z * patch_light[3u * index + 2u].rgb;
 }
 
 // Radiance that the diffuse part of a patch sends to the pixel from the point of these weights.
 fn patch_radiance(seen: Seen, index: u32, material: ReflectorMaterial, weights: vec3<f32>) -> vec3<f32> {
-    var ordered = weights;
-    if seen.side < 0.0 {
-        ordered = weights.xzy;
-    }
-    let light = ordered.x * patch_light[3u * index].rgb + ordered.y * patch_light[3u * index + 1u].rgb
-        + ordered.z * patch_light[3u * index + 2u].rgb;
+    let light = light_at(seen, index, weights);
     let to_pixel = safe_normalize(-point_of(seen, weights), vec3(0.0));
     let cosine = max(dot(normal_of(seen, weights), to_pixel), MIN_N_DOT_V);
     let transmission = diffuse_transmission(
@@ -174,24 +255,22 @@ fn patch_radiance(seen: Seen, index: u32, material: ReflectorMaterial, weights: 
     return light * material.diffuse_color * transmission;
 }
 
-// From a diffuse patch to the camera by way of the pixel.
-fn from_patch(receiver: Receiver, index: u32) -> vec3<f32> {
-    let triangle = triangles[index];
-    let seen = see(triangle, receiver);
+// From a diffuse patch or cluster to the camera by way of the pixel.
+fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorMaterial) -> vec3<f32> {
     // The back of a patch is lit by what its front turns away from: not computed.
     if !seen.visible || seen.side < 0.0 {
         return vec3(0.0);
     }
-    let material = materials[triangle.material];
     let frame = receiver.frame;
-    let a = seen.a * frame;
-    let b = seen.b * frame;
-    let c = seen.c * frame;
+    let count = corner_count(seen);
+    var before = corner(receiver, seen, count - 1u);
     if !receiver.glossy {
         var polygon = lambert_polygon_new();
-        lambert_polygon_add_edge(&polygon, c, a);
-        lambert_polygon_add_edge(&polygon, a, b);
-        lambert_polygon_add_edge(&polygon, b, c);
+        for (var k = 0u; k < count; k++) {
+            let next = corner(receiver, seen, k);
+            lambert_polygon_add_edge(&polygon, before, next);
+            before = next;
+        }
         lambert_polygon_close(&polygon);
         if polygon.diffuse.z <= 0.0 {
             return vec3(0.0);
@@ -200,9 +279,11 @@ fn from_patch(receiver: Receiver, index: u32) -> vec3<f32> {
         return receiver.diffuse_albedo * polygon.diffuse.z * patch_radiance(seen, index, material, look(seen, axis));
     }
     var polygon = ltc_polygon_new();
-    ltc_polygon_add_edge(&polygon, receiver.layer.m_inv, c, a);
-    ltc_polygon_add_edge(&polygon, receiver.layer.m_inv, a, b);
-    ltc_polygon_add_edge(&polygon, receiver.layer.m_inv, b, c);
+    for (var k = 0u; k < count; k++) {
+        let next = corner(receiver, seen, k);
+        ltc_polygon_add_edge(&polygon, receiver.layer.m_inv, before, next);
+        before = next;
+    }
     ltc_polygon_close(&polygon, receiver.layer.m_inv);
     let diffuse_axis = frame * safe_normalize(polygon.diffuse, vec3(0.0, 0.0, 1.0));
     let diffuse_light = patch_radiance(seen, index, material, look(seen, diffuse_axis));
@@ -260,8 +341,11 @@ fn reflect_light(receiver: Receiver, material: ReflectorMaterial, light: Light, 
     return Reflected(radiance.rgb * layer.albedo * integral, integral);
 }
 
-// Integral of a lobe of unit amplitude over a triangle, above the pixel's horizon; all in the shading frame.
-fn lobe_over(axis: vec3<f32>, sharpness: f32, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> f32 {
+// Integral of a lobe of unit amplitude over what is seen, above the pixel's horizon.
+fn lobe_over(receiver: Receiver, seen: Seen, axis_ws: vec3<f32>, sharpness: f32) -> f32 {
+    let axis = axis_ws * receiver.frame;
+    let count = corner_count(seen);
+    var before = corner(receiver, seen, count - 1u);
     var nodes = settings.nodes;
 #ifdef COSINE_LOBES
     nodes = 4u;
@@ -271,9 +355,11 @@ fn lobe_over(axis: vec3<f32>, sharpness: f32, a: vec3<f32>, b: vec3<f32>, c: vec
         let mixture = sg_mixture(settings.lobes, sharpness);
         let frame = orthonormal_basis(axis);
         var cosines = sg_ltc_polygon_new();
-        sg_ltc_polygon_add_edge(&cosines, frame, mixture, c, a);
-        sg_ltc_polygon_add_edge(&cosines, frame, mixture, a, b);
-        sg_ltc_polygon_add_edge(&cosines, frame, mixture, b, c);
+        for (var k = 0u; k < count; k++) {
+            let next = corner(receiver, seen, k);
+            sg_ltc_polygon_add_edge(&cosines, frame, mixture, before, next);
+            before = next;
+        }
         sg_ltc_polygon_close(&cosines, frame, mixture);
         mixed = max(cosines.integral, 0.0);
         if share >= 1.0 {
@@ -283,9 +369,11 @@ fn lobe_over(axis: vec3<f32>, sharpness: f32, a: vec3<f32>, b: vec3<f32>, c: vec
 #endif
     let rule = sg_rule(nodes, sharpness);
     var polygon = sg_polygon_new();
-    sg_polygon_add_edge(&polygon, axis, rule, c, a);
-    sg_polygon_add_edge(&polygon, axis, rule, a, b);
-    sg_polygon_add_edge(&polygon, axis, rule, b, c);
+    for (var k = 0u; k < count; k++) {
+        let next = corner(receiver, seen, k);
+        sg_polygon_add_edge(&polygon, axis, rule, before, next);
+        before = next;
+    }
     sg_polygon_close(&polygon, axis, rule);
 #ifdef COSINE_LOBES
     return max(mix(polygon.integral, mixed, share), 0.0);
@@ -304,7 +392,7 @@ fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, 
     let from_landing = point - landing;
     let inside = length(from_landing) <= ON_PLANE * size;
     let outward = safe_normalize(select(from_landing, middle - point, inside), vec3(0.0));
-    let weights = triangle_weights(point + outward * size, seen.a, seen.b, seen.c);
+    let weights = nearest_weights(seen, point + outward * size);
     let other = point_of(seen, weights);
     let turned = radiance + reflect_light(receiver, material, light, other, normal_of(seen, weights)).radiance;
     let flat_here = reflect_light(receiver, material, light, point, face).radiance;
@@ -342,10 +430,6 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
             }
         }
     }
-    let frame = receiver.frame;
-    let a = seen.a * frame;
-    let b = seen.b * frame;
-    let c = seen.c * frame;
     var sum = vec3(0.0);
     if any(receiver.diffuse_albedo > vec3(0.0)) {
         let weights = look(seen, lobe.axis);
@@ -360,7 +444,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
             radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, radiance);
         }
         let peak = radiance * (cosine * exp(local * away));
-        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(lobe.axis * frame, local, a, b, c);
+        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver, seen, lobe.axis, local);
     }
     if receiver.glossy {
         let product = sg_product_unit(lobe.axis, sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
@@ -380,7 +464,145 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
                 * smith_visibility(receiver.n_dot_v, cosine, receiver.alpha));
             let reflected = reflect_light(receiver, material, light, point, normal_of(seen, weights));
             let peak = reflected.radiance * brdf * (cosine * exp(local * away));
-            sum += peak * lobe_over(product.axis * frame, local, a, b, c);
+            sum += peak * lobe_over(receiver, seen, product.axis, local);
+        }
+    }
+    return sum;
+}
+
+fn light_of(index: u32) -> Light {
+    let at = index * LIGHT_STRIDE;
+    return unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
+}
+
+// What is to be done with a cluster.
+struct Choice {
+    // It sends nothing here.
+    dark: bool,
+    // Error of its rectangle.
+    error: f32,
+    // Largest weight of a direction in it: reflectance over pi, or of the lobe's peak.
+    weight: f32,
+}
+
+fn choose(receiver: Receiver, cluster: Cluster, seen: ClusterView, offset: vec3<f32>) -> Choice {
+    var choice: Choice;
+    let two_sided = (cluster.flags & FLAG_TWO_SIDED) != 0u;
+    let facing = dot(receiver.normal_ws, offset) + cluster.radius;
+    // All triangles are below the horizon, or show their backs, or lie in one plane with the pixel: as `see` has it.
+    let rounding = ON_PLANE * max(seen.nearest, length(receiver.position_rel));
+    let off_plane = abs(seen.height) + cluster.deviation + cluster.turn * seen.farthest;
+    choice.dark = facing <= 0.0 || (seen.side < 0.0 && !two_sided) || off_plane <= rounding;
+    choice.weight = largest(receiver.diffuse_albedo) * INV_PI * min(facing / max(seen.nearest, TINY), 1.0);
+    choice.error = shape_error(cluster, seen);
+    if receiver.glossy {
+        let away = least_versine(cluster, offset, receiver.lobe_axis);
+        let tail = 1.0 / (1.0 + 0.5 * receiver.lobe_sharpness * away);
+        let density = LOBE_MARGIN * 0.5 * INV_PI * receiver.lobe_sharpness * tail * tail;
+        choice.weight += largest(receiver.layer.albedo) * density;
+        // Of what is wider than the lobe, a part that the lobe looks at counts as the whole.
+        choice.error *= max(density * seen.solid_angle, 1.0);
+    }
+    // Where the triangles' own test of the plane would differ.
+    let near_plane = abs(seen.height) - cluster.deviation <= ON_PLANE * max(seen.farthest, length(receiver.position_rel));
+    if cluster.material == MIXED_MATERIAL || seen.side == 0.0 || near_plane {
+        choice.error = 1.0;
+    }
+    return choice;
+}
+
+// Radiance at the camera, with exposure, below which an error of a cluster does not matter.
+fn allowance(seen: ClusterView) -> f32 {
+    return settings.cut * FLOOR * max(seen.solid_angle / TWO_PI, LEAST_SHARE);
+}
+
+// Whether a cluster may be seen as its rectangle, or is as good as dark: its error within what is allowed. -1 if it is dark, 1
+// if its rectangle is to be seen, 0 if neither.
+fn decide(receiver: Receiver, cluster: Cluster, index: u32, seen: ClusterView, offset: vec3<f32>) -> i32 {
+    let choice = choose(receiver, cluster, seen, offset);
+    let diffuse = index < settings.patch_clusters;
+    if choice.dark || (diffuse && seen.side < 0.0) {
+        return -1;
+    }
+    var most = 0.0;
+    var error = choice.error;
+    if diffuse {
+        let light = cluster_lights[index];
+        most = light.brightest;
+        error += light_error(cluster, light, seen);
+    } else if cluster.material == MIXED_MATERIAL {
+        return 0;
+    } else {
+        let material = materials[cluster.material];
+        let alpha = material.perceptual_roughness * material.perceptual_roughness;
+        var wrong = 0.0;
+        for (var k = 0u; k < settings.lights; k++) {
+            let gloss = gloss_of(cluster, seen, offset, cluster.center, light_of(k), alpha, material.grazing_reflectance);
+            most += gloss.radiance;
+            wrong = max(wrong, gloss.error);
+        }
+        error += wrong;
+    }
+    error = min(error, 1.0);
+    most *= choice.weight * seen.solid_angle * view.exposure;
+    if error <= settings.cut || error * most <= allowance(seen) {
+        return select(-1, 1, error < 1.0);
+    }
+    return 0;
+}
+
+// All light of reflectors. Clusters stand in the order in which a visit of all would meet them, and say where the next one is
+// that is not below them; the triangles of a leaf are visited between two of them. One place calls what computes light, since
+// compilers copy it to each.
+fn gather(receiver: Receiver) -> vec3<f32> {
+    var sum = vec3(0.0);
+    var cluster_index = 0u;
+    var index = 0u;
+    // Without clusters, all triangles.
+    var end = select(0u, settings.patches + settings.glossy, settings.clusters == 0u);
+    loop {
+        // Not left to what a variable in a loop begins with.
+        var seen: Seen;
+        seen.visible = false;
+        var material_index = 0u;
+        var diffuse = false;
+        var light_index = 0u;
+        if index < end {
+            let triangle = triangles[index];
+            seen = see(triangle, receiver);
+            material_index = triangle.material;
+            diffuse = index < settings.patches;
+            light_index = index;
+            index++;
+        } else if cluster_index < settings.clusters {
+            let cluster = clusters[cluster_index];
+            let offset = (cluster.center - view.world_position) - receiver.position_rel;
+            let from_here = view_cluster(cluster, offset);
+            let decision = decide(receiver, cluster, cluster_index, from_here, offset);
+            if decision > 0 {
+                seen = see_cluster(cluster, offset, from_here.side);
+                material_index = cluster.material;
+                diffuse = cluster_index < settings.patch_clusters;
+                light_index = cluster_index;
+            }
+            if decision == 0 {
+                index = cluster.first;
+                end = cluster.first + cluster.count;
+            }
+            cluster_index = select(cluster.skip, cluster_index + 1u, decision == 0 && cluster.count == 0u);
+        } else {
+            break;
+        }
+        if !seen.visible {
+            continue;
+        }
+        let material = materials[material_index];
+        if diffuse {
+            sum += from_diffuse(receiver, seen, light_index, material);
+        } else {
+            for (var k = 0u; k < settings.lights; k++) {
+                sum += from_glossy(receiver, seen, material, light_of(k));
+            }
         }
     }
     return sum;
@@ -420,22 +642,6 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
         receiver.lobe_sharpness = 1.0 / max(lobe.inverse_sharpness, MIN_INVERSE_SHARPNESS);
     }
 
-    var radiance = vec3(0.0);
-    for (var i = 0u; i < settings.patches; i++) {
-        radiance += from_patch(receiver, i);
-    }
-    for (var i = settings.patches; i < settings.patches + settings.glossy; i++) {
-        let triangle = triangles[i];
-        let seen = see(triangle, receiver);
-        if !seen.visible {
-            continue;
-        }
-        let material = materials[triangle.material];
-        for (var k = 0u; k < settings.lights; k++) {
-            let at = k * LIGHT_STRIDE;
-            let light = unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
-            radiance += from_glossy(receiver, seen, material, light);
-        }
-    }
+    let radiance = gather(receiver);
     return vec4(max(radiance, vec3(0.0)) * view.exposure, 0.0);
 }

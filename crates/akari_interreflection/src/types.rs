@@ -5,6 +5,10 @@ use bevy::render::render_resource::ShaderType;
 
 /// Invocations of a workgroup of the pass that lights patches, as in `irradiance.wgsl`.
 pub const IRRADIANCE_WORKGROUP: u32 = 64;
+/// Invocations of the one workgroup that sums up clusters, as in `aggregate.wgsl`.
+pub const AGGREGATE_WORKGROUP: u32 = 256;
+/// Material of a cluster of several.
+pub const MIXED_MATERIAL: u32 = u32::MAX;
 /// Bit of [`GpuTriangle::flags`]: its back reflects, too.
 pub const FLAG_TWO_SIDED: u32 = 1;
 /// Vectors of a light, as in `types.wgsl`.
@@ -56,6 +60,60 @@ pub struct GpuReflectorMaterial {
     pub dielectric_grazing_reflectance: f32,
 }
 
+/// A cluster of triangles (`akari_math::cluster_tree::ClusterNode`).
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuCluster {
+    /// Middle of its rectangle.
+    pub center: Vec3,
+    /// The cluster after all below this one.
+    pub skip: u32,
+    /// Half a side.
+    pub axis_u: Vec3,
+    /// First triangle.
+    pub first: u32,
+    /// Half of the other side.
+    pub axis_v: Vec3,
+    /// Triangles, if no cluster is below this one; else 0.
+    pub count: u32,
+    /// Unit mean normal.
+    pub normal: Vec3,
+    /// Material of all triangles, or [`MIXED_MATERIAL`].
+    pub material: u32,
+    /// Largest distance of a corner from the middle.
+    pub radius: f32,
+    /// See `akari_math::cluster`.
+    pub turn: f32,
+    /// See `akari_math::cluster`.
+    pub deviation: f32,
+    /// See `akari_math::cluster`.
+    pub mismatch: f32,
+    /// See `akari_math::cluster`.
+    pub rim: f32,
+    /// Of the triangles, m².
+    pub area: f32,
+    /// Flags of the triangles, or of any of them.
+    pub flags: u32,
+    /// Padding.
+    pub pad: u32,
+}
+
+/// What the diffuse triangles of a cluster are lit by: irradiance over π, as a plane over the rectangle.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuClusterLight {
+    /// In the middle.
+    pub mean: Vec3,
+    /// At the brightest corner.
+    pub brightest: f32,
+    /// Change over half a side.
+    pub slope_u: Vec3,
+    /// Largest difference from the plane.
+    pub residual: f32,
+    /// Change over half of the other side.
+    pub slope_v: Vec3,
+    /// Padding.
+    pub pad: f32,
+}
+
 /// What the passes know beside Bevy's view uniform.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
 pub struct GpuInterreflectionView {
@@ -71,6 +129,14 @@ pub struct GpuInterreflectionView {
     pub lobes: u32,
     /// Lighting pass id of Bevy's standard deferred materials.
     pub lighting_pass_id: u32,
+    /// Clusters of the patches: the first ones.
+    pub patch_clusters: u32,
+    /// All clusters.
+    pub clusters: u32,
+    /// Depths of the patches' clusters.
+    pub levels: u32,
+    /// Error that a cluster may have; 0 looks at every triangle.
+    pub cut: f32,
     /// Padding.
     pub pad: UVec2,
 }

@@ -3,6 +3,8 @@
 // What the CPU writes, field by field as in `types.rs`.
 
 const IRRADIANCE_WORKGROUP: u32 = 64u;
+const AGGREGATE_WORKGROUP: u32 = 256u;
+const MIXED_MATERIAL: u32 = 4294967295u;
 const FLAG_TWO_SIDED: u32 = 1u;
 const LIGHT_STRIDE: u32 = 4u;
 const KIND_DIRECTIONAL: u32 = 0u;
@@ -30,6 +32,34 @@ struct ReflectorMaterial {
     dielectric_grazing_reflectance: f32,
 }
 
+struct Cluster {
+    center: vec3<f32>,
+    skip: u32,
+    axis_u: vec3<f32>,
+    first: u32,
+    axis_v: vec3<f32>,
+    count: u32,
+    normal: vec3<f32>,
+    material: u32,
+    radius: f32,
+    turn: f32,
+    deviation: f32,
+    mismatch: f32,
+    rim: f32,
+    area: f32,
+    flags: u32,
+    pad: u32,
+}
+
+struct ClusterLight {
+    mean: vec3<f32>,
+    brightest: f32,
+    slope_u: vec3<f32>,
+    residual: f32,
+    slope_v: vec3<f32>,
+    pad: f32,
+}
+
 struct InterreflectionView {
     patches: u32,
     glossy: u32,
@@ -37,5 +67,9 @@ struct InterreflectionView {
     nodes: u32,
     lobes: u32,
     lighting_pass_id: u32,
+    patch_clusters: u32,
+    clusters: u32,
+    levels: u32,
+    cut: f32,
     pad: vec2<u32>,
 }

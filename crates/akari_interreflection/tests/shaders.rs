@@ -3,8 +3,9 @@
 
 use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
 use akari_interreflection::types::{
-    FLAG_TWO_SIDED, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
-    IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE,
+    AGGREGATE_WORKGROUP, FLAG_TWO_SIDED, GpuCluster, GpuClusterLight, GpuInterreflectionView,
+    GpuReflectorMaterial, GpuTriangle, IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT,
+    KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
 };
 use bevy::math::{UVec2, Vec3};
 use bevy::render::render_resource::ShaderType;
@@ -19,6 +20,7 @@ const TYPES: &str = include_str!("../src/types.wgsl");
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
     ("lights.wgsl", include_str!("../src/lights.wgsl")),
+    ("clusters.wgsl", include_str!("../src/clusters.wgsl")),
 ];
 
 fn irradiance() -> Entry {
@@ -26,6 +28,15 @@ fn irradiance() -> Entry {
         file: "irradiance.wgsl",
         source: include_str!("../src/irradiance.wgsl"),
         entry_point: "irradiance",
+        definitions: choices(&[]),
+    }
+}
+
+fn aggregate() -> Entry {
+    Entry {
+        file: "aggregate.wgsl",
+        source: include_str!("../src/aggregate.wgsl"),
+        entry_point: "aggregate",
         definitions: choices(&[]),
     }
 }
@@ -42,13 +53,13 @@ fn shade() -> Entry {
 fn composer() -> Composer {
     let gbuffer = include_str!("../../akari_render/src/gbuffer.wgsl");
     let libraries = [LIBRARIES, &[("gbuffer.wgsl", gbuffer)]].concat();
-    Composer::new(&libraries, &[&irradiance(), &shade()])
+    Composer::new(&libraries, &[&irradiance(), &aggregate(), &shade()])
 }
 
 #[test]
 fn every_shader_is_valid_for_every_set_of_definitions() {
     let mut composer = composer();
-    for entry in [irradiance(), shade()] {
+    for entry in [irradiance(), aggregate(), shade()] {
         if let Err(error) = composer.compose_all(&entry) {
             panic!("{error}");
         }
@@ -68,7 +79,7 @@ fn every_shader_is_valid_for_every_set_of_definitions() {
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let faults = list_faults(&source, &[&irradiance(), &shade()], LIBRARIES);
+    let faults = list_faults(&source, &[&irradiance(), &aggregate(), &shade()], LIBRARIES);
     assert_eq!(faults, [""; 0]);
     assert!(!list_faults(&source, &[&shade()], LIBRARIES).is_empty());
 }
@@ -89,6 +100,8 @@ fn constants_and_workgroups_agree() {
     assert_eq!(found.len(), module.constants.len());
     for (name, value) in [
         ("IRRADIANCE_WORKGROUP", IRRADIANCE_WORKGROUP),
+        ("AGGREGATE_WORKGROUP", AGGREGATE_WORKGROUP),
+        ("MIXED_MATERIAL", MIXED_MATERIAL),
         ("FLAG_TWO_SIDED", FLAG_TWO_SIDED),
         ("LIGHT_STRIDE", LIGHT_STRIDE),
         ("KIND_DIRECTIONAL", KIND_DIRECTIONAL),
@@ -98,14 +111,16 @@ fn constants_and_workgroups_agree() {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
     assert!(found.is_empty(), "{found:?}");
-    let entry = irradiance();
-    let module = composer()
-        .compose(entry.file, entry.source.to_owned(), &[])
-        .expect("irradiance.wgsl");
-    assert_eq!(
-        workgroup_size(&module, entry.entry_point),
-        Some([IRRADIANCE_WORKGROUP, 1, 1])
-    );
+    for (entry, size) in [
+        (irradiance(), IRRADIANCE_WORKGROUP),
+        (aggregate(), AGGREGATE_WORKGROUP),
+    ] {
+        let module = composer()
+            .compose(entry.file, entry.source.to_owned(), &[])
+            .expect(entry.file);
+        let found = workgroup_size(&module, entry.entry_point);
+        assert_eq!(found, Some([size, 1, 1]), "{}", entry.file);
+    }
 }
 
 /// [`layout_fault`] of a value of a struct in `types.wgsl`.
@@ -172,6 +187,60 @@ fn layouts_agree() {
         ("dielectric_grazing_reflectance", float(6.0)),
     ];
     assert_eq!(fault("ReflectorMaterial", &material, &fields), None);
+    let cluster = GpuCluster {
+        center: at(1.0),
+        skip: 2,
+        axis_u: at(3.0),
+        first: 4,
+        axis_v: at(5.0),
+        count: 6,
+        normal: at(7.0),
+        material: 8,
+        radius: 9.0,
+        turn: 10.0,
+        deviation: 11.0,
+        mismatch: 12.0,
+        rim: 13.0,
+        area: 14.0,
+        flags: 15,
+        pad: 16,
+    };
+    let fields = [
+        ("center", float(1.0)),
+        ("skip", 2),
+        ("axis_u", float(3.0)),
+        ("first", 4),
+        ("axis_v", float(5.0)),
+        ("count", 6),
+        ("normal", float(7.0)),
+        ("material", 8),
+        ("radius", float(9.0)),
+        ("turn", float(10.0)),
+        ("deviation", float(11.0)),
+        ("mismatch", float(12.0)),
+        ("rim", float(13.0)),
+        ("area", float(14.0)),
+        ("flags", 15),
+        ("pad", 16),
+    ];
+    assert_eq!(fault("Cluster", &cluster, &fields), None);
+    let light = GpuClusterLight {
+        mean: at(1.0),
+        brightest: 2.0,
+        slope_u: at(3.0),
+        residual: 4.0,
+        slope_v: at(5.0),
+        pad: 6.0,
+    };
+    let fields = [
+        ("mean", float(1.0)),
+        ("brightest", float(2.0)),
+        ("slope_u", float(3.0)),
+        ("residual", float(4.0)),
+        ("slope_v", float(5.0)),
+        ("pad", float(6.0)),
+    ];
+    assert_eq!(fault("ClusterLight", &light, &fields), None);
     let view = GpuInterreflectionView {
         patches: 1,
         glossy: 2,
@@ -179,7 +248,11 @@ fn layouts_agree() {
         nodes: 4,
         lobes: 5,
         lighting_pass_id: 6,
-        pad: UVec2::new(7, 0),
+        patch_clusters: 7,
+        clusters: 8,
+        levels: 9,
+        cut: 10.0,
+        pad: UVec2::new(11, 0),
     };
     let fields = [
         ("patches", 1),
@@ -188,7 +261,11 @@ fn layouts_agree() {
         ("nodes", 4),
         ("lobes", 5),
         ("lighting_pass_id", 6),
-        ("pad", 7),
+        ("patch_clusters", 7),
+        ("clusters", 8),
+        ("levels", 9),
+        ("cut", float(10.0)),
+        ("pad", 11),
     ];
     assert_eq!(fault("InterreflectionView", &view, &fields), None);
 }

@@ -6,7 +6,7 @@
 //! WGSL reads no bindings and no globals, so that any kernel can import it; [`WGSL_MODULES`] lists the sources in the
 //! order in which they depend on each other.
 //!
-//! [`polygon::clip_polygon`], [`ndf_filter::NormalMoments`], [`ndf_filter::NormalCone`], [`outline`] and [`oracle`] run
+//! [`cluster_tree`], [`polygon::clip_polygon`], [`ndf_filter::NormalMoments`], [`ndf_filter::NormalCone`], [`outline`] and [`oracle`] run
 //! on the CPU only.
 //!
 //! Three levels of tests: the formulas in f64 ([`oracle`]) tell whether a Rust twin is accurate, and the twin tells
@@ -27,6 +27,8 @@
 )]
 
 pub mod area_light;
+pub mod cluster;
+pub mod cluster_tree;
 pub mod convex_shadow;
 pub mod directional_albedo;
 pub mod form_factor;
@@ -103,6 +105,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),
     ("akari_math::area_light", include_str!("area_light.wgsl")),
     ("akari_math::reflector", include_str!("reflector.wgsl")),
+    ("akari_math::cluster", include_str!("cluster.wgsl")),
     ("akari_math::tile_bounds", include_str!("tile_bounds.wgsl")),
     ("akari_math::light_image", include_str!("light_image.wgsl")),
     ("akari_math::random", include_str!("random.wgsl")),

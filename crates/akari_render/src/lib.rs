@@ -6,7 +6,7 @@
 //! | [`capture`] | [`CaptureBuffers`](capture::CaptureBuffers): the signals between scene and picture, read back |
 //! | [`census`] | [`Census`](census::Census): what is in the scene, counted from changed components only |
 //! | [`demand`] | [`Demand`](demand::Demand), [`EffectReport`](demand::EffectReport): which effects run, and why |
-//! | [`emission`] | which emissive meshes an area light stands for |
+//! | [`emission`] | which emissive meshes an area light stands for, and whose mirrored light is accounted for |
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
 //! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
 //! | [`faults`] | counts of pixels that are no numbers, by pass: for debugging |
@@ -62,6 +62,7 @@ impl Plugin for AkariRenderPlugin {
             .register_type::<camera::GathersBounces>()
             .register_type::<quality::Quality>()
             .register_type::<emission::ShinesAsAreaLight>()
+            .register_type::<emission::MirrorsLight>()
             .register_type::<guides::NeedsGuides>()
             .register_type::<guides::ExternalGuides>()
             .register_type::<signals::MakesSignals>()

@@ -3,8 +3,8 @@
 use crate::EFFECT;
 use crate::geometry::{Bounds, MeshGeometry};
 use crate::settings::VoxelGi;
-use crate::surfaces::{MeshSurface, is_voxelized, mesh_surface};
-use akari_render::emission::ShinesAsAreaLight;
+use crate::surfaces::{Elsewhere, MeshSurface, is_voxelized, mesh_surface};
+use akari_render::emission::{MirrorsLight, ShinesAsAreaLight};
 use akari_render::prelude::*;
 use bevy::ecs::query::QueryItem;
 use bevy::light::NotShadowCaster;
@@ -31,8 +31,8 @@ pub enum GeometryKey {
     Posed(Entity),
 }
 
-/// Which surface an instance has: mesh, material, and whether its emission is accounted for elsewhere.
-pub type SurfaceKey = (AssetId<Mesh>, AssetId<StandardMaterial>, bool);
+/// Which surface an instance has: mesh, material, and which of its light is accounted for elsewhere.
+pub type SurfaceKey = (AssetId<Mesh>, AssetId<StandardMaterial>, Elsewhere);
 
 /// One mesh in the world.
 #[derive(Debug, Clone)]
@@ -153,6 +153,7 @@ type MeshQuery = (
     Has<NotVoxelized>,
     Has<NotShadowCaster>,
     Has<ShinesAsAreaLight>,
+    Has<MirrorsLight>,
 );
 type MeshChanged = Or<(
     Changed<Mesh3d>,
@@ -163,6 +164,7 @@ type MeshChanged = Or<(
     Added<NotVoxelized>,
     Added<NotShadowCaster>,
     Added<ShinesAsAreaLight>,
+    Added<MirrorsLight>,
 )>;
 
 /// What is read of the main world.
@@ -188,6 +190,7 @@ pub struct MainEvents<'w, 's> {
         Extract<'w, 's, RemovedComponents<'static, 'static, MeshMaterial3d<StandardMaterial>>>,
     removed_marks: Extract<'w, 's, RemovedComponents<'static, 'static, NotVoxelized>>,
     removed_lights: Extract<'w, 's, RemovedComponents<'static, 'static, ShinesAsAreaLight>>,
+    removed_mirrors: Extract<'w, 's, RemovedComponents<'static, 'static, MirrorsLight>>,
     removed_casters: Extract<'w, 's, RemovedComponents<'static, 'static, NotShadowCaster>>,
     meshes: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<Mesh>>>,
     materials: Extract<'w, 's, MessageReader<'static, 'static, AssetEvent<StandardMaterial>>>,
@@ -217,6 +220,7 @@ pub fn extract_scene(
         .chain(events.removed_marks.read())
         .chain(events.removed_casters.read())
         .chain(events.removed_lights.read())
+        .chain(events.removed_mirrors.read())
         .collect();
     let meshes: HashSet<_> = events.meshes.read().filter_map(changed_asset).collect();
     let materials: HashSet<_> = events.materials.read().filter_map(changed_asset).collect();
@@ -278,7 +282,11 @@ pub fn extract_scene(
 
 /// Brings one entity up to date.
 fn update(scene: &mut VoxelScene, main: &MainScene, entity: Entity, item: QueryItem<MeshQuery>) {
-    let (mesh, material, transform, visibility, skin, excluded, casts_none, elsewhere) = item;
+    let (mesh, material, transform, visibility, skin, excluded, casts_none, shines, mirrors) = item;
+    let elsewhere = Elsewhere {
+        emission: shines,
+        mirrored: mirrors,
+    };
     if excluded || casts_none || !visibility.get() {
         scene.remove(entity);
         return;

@@ -108,16 +108,25 @@ impl Lookup<'_> {
     }
 }
 
-/// What a material makes of a mesh. Emission is left out where `emission_elsewhere` (an area light) accounts for it.
+/// Light of a mesh that something else accounts for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Elsewhere {
+    /// What it emits: an area light stands for it.
+    pub emission: bool,
+    /// What its specular lobe sends on: a metal is black then.
+    pub mirrored: bool,
+}
+
+/// What a material makes of a mesh, but for what is accounted for elsewhere.
 pub fn mesh_surface(
     mesh: Option<&Mesh>,
     geometry: &MeshGeometry,
     material: &StandardMaterial,
     images: &Assets<Image>,
-    emission_elsewhere: bool,
+    elsewhere: Elsewhere,
 ) -> MeshSurface {
     let two_sided = material.double_sided || material.cull_mode.is_none();
-    let emissive = is_emissive(material) && !emission_elsewhere;
+    let emissive = is_emissive(material) && !elsewhere.emission;
     let emissive_texture = material.emissive_texture.as_ref().filter(|_| emissive);
     let uvs = |channel: &UvChannel| {
         let attribute = match channel {
@@ -151,8 +160,13 @@ pub fn mesh_surface(
     };
     let used = [material.base_color_texture.as_ref(), emissive_texture];
     let images = used.into_iter().flatten().map(Handle::id).collect();
+    let diffuse = if elsewhere.mirrored {
+        1.0 - material.metallic.clamp(0.0, 1.0)
+    } else {
+        1.0
+    };
     let uniform = Surface {
-        albedo: finite(material.base_color.to_linear().to_vec3()),
+        albedo: finite(material.base_color.to_linear().to_vec3() * diffuse),
         emission: if emissive {
             finite(material.emissive.to_vec3())
         } else {
@@ -309,7 +323,13 @@ mod tests {
     fn surface(material: &StandardMaterial, images: &Assets<Image>) -> MeshSurface {
         let mesh = Rectangle::new(1.0, 1.0).mesh().build();
         let geometry = MeshGeometry::new(&mesh).expect("a rectangle");
-        mesh_surface(Some(&mesh), &geometry, material, images, false)
+        mesh_surface(
+            Some(&mesh),
+            &geometry,
+            material,
+            images,
+            Elsewhere::default(),
+        )
     }
 
     #[test]
@@ -328,6 +348,15 @@ mod tests {
             albedo(plain.entries[0]).abs_diff_eq(expected, 0.003),
             "metal, too"
         );
+        let elsewhere = Elsewhere {
+            mirrored: true,
+            ..Elsewhere::default()
+        };
+        let mesh = Rectangle::new(1.0, 1.0).mesh().build();
+        let geometry = MeshGeometry::new(&mesh).expect("a rectangle");
+        let left = mesh_surface(Some(&mesh), &geometry, &material, &images, elsewhere);
+        assert_eq!(albedo(left.entries[0]), Vec3::ZERO, "its lobe is elsewhere");
+        assert_eq!(left.entries[0].emission, plain.entries[0].emission);
         let light = voxel_radiance_unpack(plain.entries[0].emission);
         assert!(
             light.abs_diff_eq(Vec3::new(300.0, 20.0, 1.0), 2.0),

@@ -8,12 +8,13 @@ use bevy_akari_tests::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Name of an effect, and how the labels of its passes and pipelines begin.
-const EFFECTS: [(&str, &str); 5] = [
+const EFFECTS: [(&str, &str); 6] = [
     ("area-lights", "akari_area_light_"),
     ("shadows", "akari_area_light_"),
     ("lobes", "akari_lobes_"),
     ("denoise", "akari_denoise_"),
     ("voxel-gi", "akari_voxel_gi_"),
+    ("interreflection", "akari_interreflection_"),
 ];
 /// Passes of the shadows, whose labels begin as those of the lights.
 const OF_SHADOWS: [&str; 2] = [
@@ -44,6 +45,7 @@ enum Cause {
     NoisySignal,
     Voxels,
     Capture,
+    Reflectors,
 }
 use Cause::*;
 
@@ -55,6 +57,13 @@ const TABLE: &[(&[Cause], &[&str])] = &[
     (&[Bake], &[]),
     (&[Voxels], &[]),
     (&[Capture], &[]),
+    (&[Reflectors], &[]),
+    (&[Reflectors, HiddenAreaLight], &[]),
+    (&[Reflectors, Lamp], &["interreflection"]),
+    (
+        &[Reflectors, AreaLight],
+        &["area-lights", "interreflection"],
+    ),
     (&[AreaLight], &["area-lights"]),
     (&[AreaLight, Bake], &["area-lights", "shadows"]),
     (&[HiddenAreaLight, Bake], &[]),
@@ -125,6 +134,27 @@ fn cause(stage: &mut Stage, cause: Cause) -> Box<dyn FnOnce(&mut Stage)> {
             Box::new(move |stage| {
                 let world = stage.headless.app.world_mut();
                 world.entity_mut(camera).remove::<VoxelGi>();
+            })
+        }
+        Reflectors => {
+            let bodies = stage.meshes.clone();
+            for body in &bodies {
+                stage
+                    .headless
+                    .app
+                    .world_mut()
+                    .entity_mut(*body)
+                    .insert(Reflector);
+            }
+            Box::new(move |stage| {
+                for body in bodies {
+                    stage
+                        .headless
+                        .app
+                        .world_mut()
+                        .entity_mut(body)
+                        .remove::<Reflector>();
+                }
             })
         }
         Capture => {

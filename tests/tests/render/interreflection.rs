@@ -9,7 +9,9 @@ use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::interreflection::EFFECT;
 use bevy_akari::interreflection::pipeline::{IRRADIANCE_LABEL, SHADE_LABEL};
 use bevy_akari::prelude::*;
+use bevy_akari::render::emission::MirrorsLight;
 use bevy_akari_tests::accuracy::{render_with_cli, scene_path};
+use bevy_akari_tests::room::{Room, bias_and_error};
 use bevy_akari_tests::*;
 use std::path::Path;
 
@@ -102,17 +104,18 @@ fn drawn(scene: &Path) -> Pixels {
     difference(&all.data, &direct.data)
 }
 
-/// A scene of the repository whose metal has another roughness.
-fn with_roughness(name: &str, from: &[u8], to: &[u8], folder: &Path) -> std::path::PathBuf {
-    assert_eq!(from.len(), to.len(), "lengths in the file stay as they are");
+/// A scene of the repository with some of its text replaced.
+fn changed(name: &str, changes: &[(&str, &str)], path: &Path) -> std::path::PathBuf {
     let mut bytes = std::fs::read(scene_path(name)).expect("a scene of the repository");
-    let at = (bytes.windows(from.len()))
-        .position(|window| window == from)
-        .expect("the roughness");
-    bytes[at..at + to.len()].copy_from_slice(to);
-    let path = folder.join(format!("{name}.glb"));
-    std::fs::write(&path, bytes).expect("a temporary file");
-    path
+    for (from, to) in changes {
+        assert_eq!(from.len(), to.len(), "lengths in the file stay as they are");
+        let at = (bytes.windows(from.len()))
+            .position(|window| window == from.as_bytes())
+            .expect("what is to be changed");
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+    }
+    std::fs::write(path, bytes).expect("a temporary file");
+    path.to_owned()
 }
 
 fn anywhere(_: Vec3) -> bool {
@@ -125,20 +128,41 @@ fn one_bounce_agrees_with_the_path_tracer() {
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let rougher = |digits: &[u8]| {
-        with_roughness(
-            "corner_glossy",
-            b"\"roughnessFactor\":0.3",
-            &[b"\"roughnessFactor\":0.", digits].concat(),
-            folder.path(),
-        )
+    let of_glossy = |file: &str, changes: &[(&str, &str)]| {
+        changed("corner_glossy", changes, &folder.path().join(file))
     };
-    // Lambert on Lambert; a floor under a metal wall of alpha 0.09 (which also reflects the floor), and of 0.36.
+    let rougher = ("\"roughnessFactor\":0.3", "\"roughnessFactor\":0.6");
+    // Perceptual roughness 0.224 is alpha 0.05.
+    let smooth = (
+        "\"metallicFactor\":1.0,\"roughnessFactor\":0.3",
+        "\"metallicFactor\":1,\"roughnessFactor\":0.224",
+    );
+    // The first material is the floor's.
+    let metal_floor = (
+        "\"metallicFactor\":0.0,\"roughnessFactor\":1.0",
+        "\"metallicFactor\":1.0,\"roughnessFactor\":0.4",
+    );
+    // Lambert on Lambert; a floor under a metal wall of alpha 0.09 (which also reflects the floor), of 0.36 and 0.05; metal
+    // of alpha 0.16 under metal of 0.09.
     let mut last: Option<Pixels> = None;
     for (name, scene, limit) in [
         ("corner", scene_path("corner"), 0.05),
         ("corner_glossy", scene_path("corner_glossy"), 0.10),
-        ("corner_glossy, alpha 0.36", rougher(b"6"), 0.10),
+        (
+            "corner_glossy, alpha 0.36",
+            of_glossy("rougher.glb", &[rougher]),
+            0.10,
+        ),
+        (
+            "corner_glossy, alpha 0.05",
+            of_glossy("smooth.glb", &[smooth]),
+            0.10,
+        ),
+        (
+            "metal on metal",
+            of_glossy("metal.glb", &[metal_floor]),
+            0.10,
+        ),
     ] {
         let (ours, truth) = (drawn(&scene), Traced::new(&scene, 1024));
         let error = truth.relative_rmse(&ours, anywhere);
@@ -370,8 +394,17 @@ fn reflectors_come_and_go_with_their_passes_memory_and_pipelines() {
     );
     assert_eq!(later[1], shading + 3);
 
-    // Voxel GI gathers the same light: one of the two.
+    // Voxel GI gathers what bounces diffusely: what metal mirrors is left.
     let camera = corner.camera;
+    let patches = |corner: &Corner| {
+        let counters = corner.headless.ledger().counters();
+        [
+            "interreflection diffuse patches",
+            "interreflection glossy triangles",
+        ]
+        .map(|name| counters.get(name).copied().unwrap_or(0))
+    };
+    assert!(patches(&corner)[0] > 0);
     let world = corner.headless.app.world_mut();
     world.entity_mut(camera).insert(VoxelGi {
         resolution: 32,
@@ -382,8 +415,8 @@ fn reflectors_come_and_go_with_their_passes_memory_and_pipelines() {
     for _ in 0..2 {
         corner.headless.step().expect("it renders");
     }
-    assert_eq!(count(&corner), with_voxels, "no light counts twice");
-    assert_eq!(bytes(&corner), None);
+    assert_eq!(count(&corner)[1], with_voxels[1] + 2);
+    assert_eq!(patches(&corner), [0, 2], "only what metal mirrors");
     let world = corner.headless.app.world_mut();
     world.entity_mut(camera).remove::<VoxelGi>();
     assert_eq!(corner.picture(), lit, "and back");
@@ -397,4 +430,70 @@ fn reflectors_come_and_go_with_their_passes_memory_and_pipelines() {
     assert_eq!((count(&corner), bytes(&corner)), (after, None));
     let state = corner.headless.app.world().resource::<EffectReport>();
     assert!(state.get(EFFECT).is_some_and(|state| !state.active));
+}
+
+/// Voxels and reflectors together: neither leaves light out that the other does not have, nor counts it twice.
+#[test]
+fn voxels_and_reflectors_share_the_light() {
+    let Some(mut room) = Room::new("voxels_and_reflectors", "cornell", 40, 256) else {
+        return;
+    };
+    let surfaces = room.surfaces.clone();
+    let matte = |i: usize| {
+        let metal = surfaces.albedo[i][0] > 0.85 && surfaces.roughness[i] < 0.5;
+        surfaces.depth[i] > 0.0 && !metal && surfaces.emission[i] == [0.0; 3]
+    };
+    room.set(VoxelGi {
+        voxel_size: 0.04,
+        scale: 1,
+        ..VoxelGi::default()
+    });
+    room.step(32);
+    let truth = room.truth.clone();
+    let measure = |room: &mut Room| bias_and_error(&room.indirect(), &truth, matte);
+    let (bias, error) = measure(&mut room);
+    // All bodies reflect.
+    let world = room.headless.app.world_mut();
+    let bodies: Vec<Entity> = world
+        .query_filtered::<Entity, With<Mesh3d>>()
+        .iter(world)
+        .collect();
+    for body in &bodies {
+        room.headless
+            .app
+            .world_mut()
+            .entity_mut(*body)
+            .insert(Reflector);
+    }
+    room.step(32);
+    assert!(room.headless.ledger().passes().contains_key(SHADE_LABEL));
+    let (shared_bias, shared_error) = measure(&mut room);
+    // Wrong: voxels keep what metal mirrors, as if it were diffuse.
+    for body in &bodies {
+        room.headless
+            .app
+            .world_mut()
+            .entity_mut(*body)
+            .remove::<MirrorsLight>();
+    }
+    room.step(32);
+    let (twice_bias, twice_error) = measure(&mut room);
+    println!(
+        "matte surfaces, bias and error: voxels {:+.1} %, {:.1} %; with reflectors {:+.1} %, {:.1} %; counted twice {:+.1} %, {:.1} %",
+        100.0 * bias,
+        100.0 * error,
+        100.0 * shared_bias,
+        100.0 * shared_error,
+        100.0 * twice_bias,
+        100.0 * twice_error
+    );
+    assert!(
+        shared_error < error,
+        "the caustic of the metal block is missing"
+    );
+    assert!(shared_bias.abs() < 0.06, "{shared_bias}");
+    assert!(
+        twice_bias > 0.06,
+        "light that counts twice passes: {twice_bias}"
+    );
 }

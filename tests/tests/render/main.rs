@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod budget;
+mod clusters;
 mod demand;
 mod denoise;
 mod elision;

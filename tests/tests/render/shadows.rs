@@ -75,7 +75,7 @@ pub(super) struct Stage {
     pub(super) headless: Headless,
     pub(super) camera: Entity,
     /// Floor and ball.
-    meshes: Vec<Entity>,
+    pub(super) meshes: Vec<Entity>,
     bake: Bake,
 }
 

@@ -1,6 +1,7 @@
 //! The twin table: every WGSL function of `akari_math` against its Rust twin, and the twin against the formula in f64.
 
 mod bounds;
+mod clusters;
 mod filters;
 mod footprints;
 mod ggx;
@@ -41,6 +42,7 @@ fn table() -> Vec<Case> {
     cases.extend(sg_polygon_terms::cases());
     cases.extend(mirrored_light::cases());
     cases.extend(ggx::cases());
+    cases.extend(clusters::cases());
     cases.extend(reflector::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());

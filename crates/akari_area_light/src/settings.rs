@@ -72,52 +72,18 @@ impl Knobs for AreaLighting {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        match name {
-            "contribution_cutoff" => Some(self.contribution_cutoff),
-            "texture_cells" => Some(self.texture_cells as f32),
-            "culling" => Some(f32::from(u8::from(self.culling))),
-            _ => None,
-        }
-    }
-
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "contribution_cutoff" => self.contribution_cutoff = value,
-            "texture_cells" => self.texture_cells = value as u32,
-            "culling" => self.culling = value != 0.0,
-            _ => {}
-        }
-    }
-
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            contribution_cutoff: 0.0,
-            texture_cells: 1,
-            culling: true,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
-    }
+    akari_render::knob_fields!(contribution_cutoff, texture_cells, culling);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_render::quality::knob_faults;
 
     #[test]
-    fn every_knob_reads_back_what_was_set() {
-        for knob in AreaLighting::KNOBS {
-            let mut settings = AreaLighting::preset(Quality::Low);
-            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings
-                    .set_knob(knob.name, value)
-                    .expect("presets and limits are valid");
-                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
-            }
-        }
+    fn fields_are_knobs() {
+        let fields = ["contribution_cutoff", "texture_cells", "culling"];
+        assert_eq!(knob_faults::<AreaLighting>(&fields), [""; 0]);
     }
 
     #[test]

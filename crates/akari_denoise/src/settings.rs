@@ -1,6 +1,6 @@
 //! Settings, as a component on a camera or as the default of all cameras.
 
-use akari_render::quality::{Knob, Knobs, Quality};
+use akari_render::quality::{Knob, KnobValue, Knobs, Quality};
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +53,26 @@ pub enum Kernel {
 impl Kernel {
     /// All kernels, in the order of their numbers.
     pub const ALL: [Self; 3] = [Self::Full, Self::Separable, Self::ATrous];
+}
+
+impl KnobValue for Method {
+    fn to_knob(self) -> f32 {
+        f32::from(self as u8)
+    }
+
+    fn from_knob(value: f32) -> Self {
+        Self::ALL[(value as usize).min(Self::ALL.len() - 1)]
+    }
+}
+
+impl KnobValue for Kernel {
+    fn to_knob(self) -> f32 {
+        f32::from(self as u8)
+    }
+
+    fn from_knob(value: f32) -> Self {
+        Self::ALL[(value as usize).min(Self::ALL.len() - 1)]
+    }
 }
 
 /// Largest radius of a level of the à-trous kernel, taps.
@@ -193,57 +213,18 @@ impl Knobs for Denoise {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        let flag = |set: bool| f32::from(u8::from(set));
-        match name {
-            "method" => Some(self.method as u8 as f32),
-            "kernel" => Some(self.kernel as u8 as f32),
-            "radius" => Some(self.radius as f32),
-            "levels" => Some(self.levels as f32),
-            "beta" => Some(self.beta),
-            "kappa" => Some(self.kappa),
-            "sigma_n_squared" => Some(self.sigma_n_squared),
-            "anisotropic" => Some(flag(self.anisotropic)),
-            "history" => Some(self.history as f32),
-            "resample_below" => Some(self.resample_below),
-            _ => None,
-        }
-    }
-
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "method" => self.method = Method::ALL[(value as usize).min(Method::ALL.len() - 1)],
-            "kernel" => self.kernel = Kernel::ALL[(value as usize).min(Kernel::ALL.len() - 1)],
-            "radius" => self.radius = value as u32,
-            "levels" => self.levels = value as u32,
-            "beta" => self.beta = value,
-            "kappa" => self.kappa = value,
-            "sigma_n_squared" => self.sigma_n_squared = value,
-            "anisotropic" => self.anisotropic = value != 0.0,
-            "history" => self.history = value as u32,
-            "resample_below" => self.resample_below = value,
-            _ => {}
-        }
-    }
-
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            method: Method::Guided,
-            kernel: Kernel::ATrous,
-            radius: 1,
-            levels: 3,
-            beta: 1.0,
-            kappa: 1.0,
-            sigma_n_squared: 1.0,
-            anisotropic: false,
-            history: 1,
-            resample_below: 0.0,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
-    }
+    akari_render::knob_fields!(
+        method,
+        kernel,
+        radius,
+        levels,
+        beta,
+        kappa,
+        sigma_n_squared,
+        anisotropic,
+        history,
+        resample_below
+    );
 
     fn effective(self) -> Self {
         let high = Self::preset(Quality::High);
@@ -280,18 +261,23 @@ impl Knobs for Denoise {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_render::quality::knob_faults;
 
     #[test]
-    fn every_knob_reads_back_what_was_set() {
-        for knob in Denoise::KNOBS {
-            let mut settings = Denoise::preset(Quality::Low);
-            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings
-                    .set_knob(knob.name, value)
-                    .expect("presets and limits are valid");
-                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
-            }
-        }
+    fn fields_are_knobs() {
+        let fields = [
+            "method",
+            "kernel",
+            "radius",
+            "levels",
+            "beta",
+            "kappa",
+            "sigma_n_squared",
+            "anisotropic",
+            "history",
+            "resample_below",
+        ];
+        assert_eq!(knob_faults::<Denoise>(&fields), [""; 0]);
     }
 
     #[test]

@@ -95,55 +95,18 @@ impl Knobs for Interreflection {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        match name {
-            "tier" => Some(self.tier as f32),
-            "patch" => Some(self.patch),
-            "most_patches" => Some(self.most_patches as f32),
-            "cut" => Some(self.cut),
-            _ => None,
-        }
-    }
-
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "tier" => self.tier = value as u32,
-            "patch" => self.patch = value,
-            "most_patches" => self.most_patches = value as u32,
-            "cut" => self.cut = value,
-            _ => {}
-        }
-    }
-
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            tier: 1,
-            patch: 1.0,
-            most_patches: 64,
-            cut: 0.0,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
-    }
+    akari_render::knob_fields!(tier, patch, most_patches, cut);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_render::quality::knob_faults;
 
     #[test]
-    fn every_knob_reads_back_what_was_set() {
-        for knob in Interreflection::KNOBS {
-            let mut settings = Interreflection::preset(Quality::Low);
-            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings
-                    .set_knob(knob.name, value)
-                    .expect("presets and limits are valid");
-                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
-            }
-        }
+    fn fields_are_knobs() {
+        let fields = ["tier", "patch", "most_patches", "cut"];
+        assert_eq!(knob_faults::<Interreflection>(&fields), [""; 0]);
     }
 
     #[test]

@@ -76,33 +76,17 @@ impl Knobs for SpecularLobes {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        match name {
-            "stored" => Some(f32::from(u8::from(self.stored))),
-            "wang" => Some(f32::from(u8::from(self.wang))),
-            "geometric_filter" => Some(self.geometric_filter),
-            _ => None,
-        }
-    }
+    akari_render::knob_fields!(stored, wang, geometric_filter);
+}
 
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "stored" => self.stored = value != 0.0,
-            "wang" => self.wang = value != 0.0,
-            "geometric_filter" => self.geometric_filter = value,
-            _ => {}
-        }
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use akari_render::quality::knob_faults;
 
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            stored: true,
-            wang: false,
-            geometric_filter: 0.0,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
+    #[test]
+    fn fields_are_knobs() {
+        let fields = ["stored", "wang", "geometric_filter"];
+        assert_eq!(knob_faults::<SpecularLobes>(&fields), [""; 0]);
     }
 }

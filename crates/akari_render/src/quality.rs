@@ -92,6 +92,114 @@ impl fmt::Display for KnobError {
 
 impl std::error::Error for KnobError {}
 
+/// What a field of settings is, as the number of its knob.
+pub trait KnobValue: Copy {
+    /// The number that stands for it.
+    fn to_knob(self) -> f32;
+
+    /// What a number stands for that is valid for the knob; else whatever is nearest.
+    fn from_knob(value: f32) -> Self;
+}
+
+impl KnobValue for f32 {
+    fn to_knob(self) -> f32 {
+        self
+    }
+
+    fn from_knob(value: f32) -> Self {
+        value
+    }
+}
+
+impl KnobValue for u32 {
+    fn to_knob(self) -> f32 {
+        self as f32
+    }
+
+    fn from_knob(value: f32) -> Self {
+        value as Self
+    }
+}
+
+/// 1: true, 0: false.
+impl KnobValue for bool {
+    fn to_knob(self) -> f32 {
+        f32::from(u8::from(self))
+    }
+
+    fn from_knob(value: f32) -> Self {
+        value != 0.0
+    }
+}
+
+/// The functions of [`Knobs`] of a struct all of whose fields are knobs: `value`, `store` and `preset`.
+///
+/// Takes the names of the fields, which are those of the knobs; each field is a [`KnobValue`].
+#[macro_export]
+macro_rules! knob_fields {
+    ($($field:ident),+ $(,)?) => {
+        fn value(&self, name: &str) -> Option<f32> {
+            match name {
+                $(stringify!($field) => Some($crate::quality::KnobValue::to_knob(self.$field)),)+
+                _ => None,
+            }
+        }
+
+        fn store(&mut self, name: &str, value: f32) {
+            match name {
+                $(stringify!($field) => self.$field = $crate::quality::KnobValue::from_knob(value),)+
+                _ => {}
+            }
+        }
+
+        fn preset(quality: $crate::quality::Quality) -> Self {
+            let preset = |name| $crate::quality::preset_of(Self::KNOBS, name, quality);
+            Self {
+                $($field: $crate::quality::KnobValue::from_knob(preset(stringify!($field))),)+
+            }
+        }
+    };
+}
+
+/// Value of the knob `name` in a preset; 0 if there is no such knob, which [`knob_faults`] tells.
+pub fn preset_of(knobs: &[Knob], name: &str, quality: Quality) -> f32 {
+    let knob = knobs.iter().find(|knob| knob.name == name);
+    knob.map_or(0.0, |knob| knob.presets[quality as usize])
+}
+
+/// What is wrong with the knobs of some settings, for their tests: a preset or limit that is not valid or does not read
+/// back, a knob without a field, a field without a knob (of which `fields` names all).
+pub fn knob_faults<T: Knobs>(fields: &[&str]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for knob in T::KNOBS {
+        let mut settings = T::preset(Quality::Low);
+        if !fields.contains(&knob.name) {
+            faults.push(format!("{}: no field", knob.name));
+        }
+        for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
+            if let Err(error) = settings.set_knob(knob.name, value) {
+                faults.push(error.to_string());
+            }
+            let read = settings.value(knob.name);
+            if read != Some(value) {
+                faults.push(format!("{}: {value} reads back as {read:?}", knob.name));
+            }
+        }
+        for quality in Quality::ALL {
+            let read = T::preset(quality).value(knob.name);
+            if read != Some(knob.presets[quality as usize]) {
+                faults.push(format!("{}: {quality:?} is {read:?}", knob.name));
+            }
+        }
+    }
+    for field in fields {
+        if !T::KNOBS.iter().any(|knob| knob.name == *field) {
+            faults.push(format!("{field}: no knob"));
+        }
+    }
+    faults
+}
+
 /// Settings that enumerate themselves.
 pub trait Knobs: Sized {
     /// Every knob of the effect.
@@ -130,5 +238,85 @@ pub trait Knobs: Sized {
         }
         self.store(name, value);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    struct Toy {
+        size: u32,
+        soft: bool,
+        bias: f32,
+    }
+
+    const fn knob(name: &'static str, max: f32, integer: bool) -> Knob {
+        Knob {
+            name,
+            what: "",
+            min: 0.0,
+            max,
+            integer,
+            presets: [0.0, 1.0, 1.0, max],
+            cost: "",
+        }
+    }
+
+    impl Knobs for Toy {
+        const KNOBS: &'static [Knob] = &[
+            knob("size", 9.0, true),
+            knob("soft", 1.0, true),
+            knob("bias", 2.5, false),
+        ];
+
+        crate::knob_fields!(size, soft, bias);
+    }
+
+    const FIELDS: [&str; 3] = ["size", "soft", "bias"];
+
+    #[test]
+    fn fields_are_knobs() {
+        assert_eq!(knob_faults::<Toy>(&FIELDS), [""; 0]);
+        let ultra = Toy {
+            size: 9,
+            soft: true,
+            bias: 2.5,
+        };
+        assert_eq!(Toy::preset(Quality::Ultra), ultra);
+        assert_eq!(ultra.value("width"), None);
+    }
+
+    /// The same with a knob whose limit is no value of its field, and one that no field has.
+    struct Broken(Toy);
+
+    impl Knobs for Broken {
+        const KNOBS: &'static [Knob] = &[knob("size", 9.5, false), knob("width", 1.0, true)];
+
+        fn value(&self, name: &str) -> Option<f32> {
+            self.0.value(name)
+        }
+
+        fn store(&mut self, name: &str, value: f32) {
+            self.0.store(name, value);
+        }
+
+        fn preset(quality: Quality) -> Self {
+            Self(Toy::preset(quality))
+        }
+    }
+
+    #[test]
+    fn faults_are_found() {
+        let faults = knob_faults::<Broken>(&FIELDS).join("\n");
+        for fault in [
+            "size: 9.5 reads back as Some(9.0)",
+            "width: no field",
+            "soft: no knob",
+            "bias: no knob",
+        ] {
+            assert!(faults.contains(fault), "{fault} is not among\n{faults}");
+        }
     }
 }

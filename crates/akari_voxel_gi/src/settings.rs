@@ -241,88 +241,50 @@ impl Knobs for VoxelGi {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        match name {
-            "resolution" => Some(self.resolution as f32),
-            "cascades" => Some(self.cascades as f32),
-            "voxel_size" => Some(self.voxel_size),
-            "pages" => Some(self.pages as f32),
-            "bricks_per_frame" => Some(self.bricks_per_frame as f32),
-            "feedback" => Some(f32::from(u8::from(self.feedback))),
-            "cones" => Some(self.cones as f32),
-            "specular_cones" => Some(self.specular_cones as f32),
-            "scale" => Some(self.scale as f32),
-            "gather_cones" => Some(self.gather_cones as f32),
-            "history" => Some(self.history as f32),
-            "pages_per_frame" => Some(self.pages_per_frame as f32),
-            "light_rays" => Some(self.light_rays as f32),
-            "aperture" => Some(self.aperture),
-            "plain_cones" => Some(f32::from(u8::from(self.plain_cones))),
-            _ => None,
-        }
-    }
-
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "resolution" => self.resolution = value as u32,
-            "cascades" => self.cascades = value as u32,
-            "voxel_size" => self.voxel_size = value,
-            "pages" => self.pages = value as u32,
-            "bricks_per_frame" => self.bricks_per_frame = value as u32,
-            "feedback" => self.feedback = value != 0.0,
-            "cones" => self.cones = value as u32,
-            "specular_cones" => self.specular_cones = value as u32,
-            "scale" => self.scale = value as u32,
-            "gather_cones" => self.gather_cones = value as u32,
-            "history" => self.history = value as u32,
-            "pages_per_frame" => self.pages_per_frame = value as u32,
-            "light_rays" => self.light_rays = value as u32,
-            "aperture" => self.aperture = value,
-            "plain_cones" => self.plain_cones = value != 0.0,
-            _ => {}
-        }
-    }
-
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            resolution: 0,
-            cascades: 0,
-            voxel_size: 0.0,
-            pages: 0,
-            bricks_per_frame: 0,
-            feedback: false,
-            cones: 0,
-            specular_cones: 0,
-            scale: 0,
-            gather_cones: 0,
-            history: 0,
-            pages_per_frame: 0,
-            light_rays: 0,
-            aperture: 0.0,
-            plain_cones: false,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
-    }
+    akari_render::knob_fields!(
+        resolution,
+        cascades,
+        voxel_size,
+        pages,
+        bricks_per_frame,
+        feedback,
+        cones,
+        specular_cones,
+        scale,
+        gather_cones,
+        history,
+        pages_per_frame,
+        light_rays,
+        aperture,
+        plain_cones
+    );
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_render::quality::knob_faults;
 
     #[test]
-    fn every_knob_reads_back_what_was_set() {
-        for knob in VoxelGi::KNOBS {
-            let mut settings = VoxelGi::preset(Quality::Low);
-            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings
-                    .set_knob(knob.name, value)
-                    .expect("presets and limits are valid");
-                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
-            }
-        }
+    fn fields_are_knobs() {
+        let fields = [
+            "resolution",
+            "cascades",
+            "voxel_size",
+            "pages",
+            "bricks_per_frame",
+            "feedback",
+            "cones",
+            "specular_cones",
+            "scale",
+            "gather_cones",
+            "history",
+            "pages_per_frame",
+            "light_rays",
+            "aperture",
+            "plain_cones",
+        ];
+        assert_eq!(knob_faults::<VoxelGi>(&fields), [""; 0]);
     }
 
     #[test]

@@ -73,39 +73,7 @@ impl Knobs for AreaShadows {
         },
     ];
 
-    fn value(&self, name: &str) -> Option<f32> {
-        let flag = |on: bool| f32::from(u8::from(on));
-        match name {
-            "enabled" => Some(flag(self.enabled)),
-            "pieces_roughness" => Some(self.pieces_roughness),
-            "parallax" => Some(flag(self.parallax)),
-            "penumbra_threshold" => Some(self.penumbra_threshold),
-            _ => None,
-        }
-    }
-
-    fn store(&mut self, name: &str, value: f32) {
-        match name {
-            "enabled" => self.enabled = value != 0.0,
-            "pieces_roughness" => self.pieces_roughness = value,
-            "parallax" => self.parallax = value != 0.0,
-            "penumbra_threshold" => self.penumbra_threshold = value,
-            _ => {}
-        }
-    }
-
-    fn preset(quality: Quality) -> Self {
-        let mut settings = Self {
-            enabled: true,
-            pieces_roughness: 1.0,
-            parallax: true,
-            penumbra_threshold: 0.0,
-        };
-        for knob in Self::KNOBS {
-            settings.store(knob.name, knob.presets[quality as usize]);
-        }
-        settings
-    }
+    akari_render::knob_fields!(enabled, pieces_roughness, parallax, penumbra_threshold);
 
     fn effective(self) -> Self {
         let high = Self::preset(Quality::High);
@@ -129,17 +97,16 @@ impl Knobs for AreaShadows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use akari_render::quality::knob_faults;
 
     #[test]
-    fn every_knob_reads_back_what_was_set() {
-        for knob in AreaShadows::KNOBS {
-            let mut settings = AreaShadows::preset(Quality::Low);
-            for value in [knob.min, knob.max].into_iter().chain(knob.presets) {
-                settings
-                    .set_knob(knob.name, value)
-                    .expect("presets and limits are valid");
-                assert_eq!(settings.value(knob.name), Some(value), "{}", knob.name);
-            }
-        }
+    fn fields_are_knobs() {
+        let fields = [
+            "enabled",
+            "pieces_roughness",
+            "parallax",
+            "penumbra_threshold",
+        ];
+        assert_eq!(knob_faults::<AreaShadows>(&fields), [""; 0]);
     }
 }

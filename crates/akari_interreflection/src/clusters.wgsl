@@ -43,7 +43,7 @@ fn view_cluster(cluster: Cluster, offset: vec3<f32>) -> ClusterView {
 }
 
 fn shape_error(cluster: Cluster, seen: ClusterView) -> f32 {
-    let ratio = min(seen.farthest / max(seen.nearest, TINY), 1e3);
+    let ratio = min((seen.farthest - cluster.radius) / max(seen.nearest, TINY), 1e3);
     return cluster_shape_error(cluster.mismatch, cluster.rim, seen.lateral, seen.clearance, ratio);
 }
 

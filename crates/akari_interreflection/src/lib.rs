@@ -13,15 +13,26 @@
 //! **Inputs**: Bevy's depth and deferred prepass. **Output**: radiance × exposure, added to the HDR view target after
 //! Bevy's deferred lighting.
 //!
+//! **Hierarchy**: triangles of one material are clustered by position and normal on the CPU when they change
+//! (`akari_math::cluster_tree`); light of diffuse clusters is summed up on the GPU when it changes. Each pixel visits the
+//! tree from above, without a stack, and takes the rectangle of a cluster in place of its triangles where its error is within
+//! [`cut`](settings::Interreflection::cut): where solid angles differ, radiance differs from a plane over the rectangle, or
+//! normals turn the highlight (`akari_math::cluster`). The bound is relative to the cluster's own light under the pixel's
+//! largest weight in it; what is little against white may be wrong by more. What the integral of one lobe over a rectangle
+//! loses against that of many over its triangles is not part of it. After Xu et al. 2014, with one bounded test for each
+//! cluster, as in Lightcuts (Walter et al. 2005).
+//!
 //! **Cost**: nothing without a reflector, a light, and a camera with [`AkariCamera`](akari_render::camera::AkariCamera): no
-//! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with patches, and with glossy triangles times
-//! lights: it is for few, large reflectors.
+//! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with what the clusters cannot say in
+//! rectangles, times lights where they are glossy; `docs/error_time.md` has it.
 //!
-//! **With voxel GI**: a camera whose effect gathers all bounces
-//! ([`GathersBounces`](akari_render::camera::GathersBounces)) is left alone, so that no light counts twice.
+//! **With voxel GI**: where another effect gathers all bounces
+//! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and
+//! voxels of metal leave that out ([`MirrorsLight`](akari_render::emission::MirrorsLight)): no light counts twice.
 //!
-//! **Limits**: nothing hides reflectors from receivers, or lights from reflectors. Reflectors have the factors of their
-//! materials, not their textures; clear coats neither reflect nor receive. Lights with images are left out.
+//! **Limits**: nothing hides reflectors from receivers, or lights from reflectors ([`demand::OCCLUSION`], which the effect's
+//! reason says, too). Reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
+//! receive. Lights with images and environment light are left out.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;

@@ -90,7 +90,7 @@ impl Knobs for Interreflection {
             min: 0.0,
             max: 1.0,
             integer: false,
-            presets: [0.4, 0.2, 0.1, 0.05],
+            presets: [0.6, 0.3, 0.15, 0.08],
             cost: "half the error makes about twice the clusters",
         },
     ];

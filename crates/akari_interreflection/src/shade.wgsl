@@ -12,7 +12,7 @@
     lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new, ltc_polygon_add_edge, ltc_polygon_close,
     ltc_polygon_new,
 }
-#import akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness, triangle_weights}
+#import akari_math::reflector::{image_sharpness, lobe_landing, refined_peak, tail_sharpness, triangle_weights}
 #import akari_math::sg::lobe::sg_product_unit
 #import akari_math::sg::mirrored_light::{sg_mirrored_direction, sg_mirrored_light}
 #ifdef COSINE_LOBES
@@ -65,6 +65,9 @@ const LEAST_SHARE: f32 = 1.0 / 256.0;
 // By how much a GGX lobe may be denser than its spherical Gaussian.
 const LOBE_MARGIN: f32 = 2.0;
 const TWO_PI: f32 = 6.28318531;
+// Longest step, in radians, at which a product of lobes is looked at, and its largest fall there, as a logarithm.
+const MOST_STEP: f32 = 0.5;
+const MOST_FALL: f32 = 8.0;
 // Largest sharpness of a receiver's lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -402,6 +405,53 @@ fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, 
     return select(radiance, turned * (flat_here / max(flat_both, vec3(MIN_RADIANCE))), known);
 }
 
+// Radiance of a light by way of a mirror's point in this direction and the pixel's specular lobe, per sr.
+fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light, point: vec3<f32>, direction: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let cosine = dot(receiver.normal_ws, direction);
+    if cosine <= 0.0 {
+        return vec3(0.0);
+    }
+    let half_vector = safe_normalize(receiver.view_ws + direction, receiver.normal_ws);
+    let fresnel = fresnel_schlick(
+        receiver.normal_reflectance, receiver.grazing_reflectance, dot(receiver.view_ws, half_vector),
+    );
+    let brdf = fresnel * (ggx_ndf(receiver.normal_ws, half_vector, receiver.alpha)
+        * smith_visibility(receiver.n_dot_v, cosine, receiver.alpha));
+    return reflect_light(receiver, material, light, point, normal).radiance * brdf * cosine;
+}
+
+// Axis and sharpness of the product of the light from a mirror and the pixel's lobe, from its values around that of their
+// Gaussians: along the pixel's plane of incidence, where its lobe is long, and across it.
+fn refine_product(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, sharpness: f32) -> vec4<f32> {
+    let step = min(inverseSqrt(max(sharpness, 1.0)), MOST_STEP);
+    let across = safe_normalize(cross(receiver.normal_ws, axis), receiver.frame[1]);
+    let along = cross(axis, across);
+    var logs = array<f32, 5>(0.0, 0.0, 0.0, 0.0, 0.0);
+    for (var i = 0u; i < 5u; i++) {
+        var turned = axis;
+        if i == 1u {
+            turned -= step * along;
+        } else if i == 2u {
+            turned += step * along;
+        } else if i == 3u {
+            turned -= step * across;
+        } else if i == 4u {
+            turned += step * across;
+        }
+        let direction = safe_normalize(turned, axis);
+        let landing = lobe_landing(direction, seen.a, seen.b, seen.c);
+        let normal = normal_of(seen, nearest_weights(seen, landing));
+        let value = mirrored_twice(receiver, material, light, landing, direction, normal);
+        logs[i] = max(log(max(value.x + value.y + value.z, MIN_RADIANCE)), logs[0] - MOST_FALL);
+        if i == 0u {
+            logs[0] = log(max(value.x + value.y + value.z, MIN_RADIANCE));
+        }
+    }
+    let first = refined_peak(logs[1], logs[0], logs[2], step, sharpness);
+    let second = refined_peak(logs[3], logs[0], logs[4], step, sharpness);
+    return vec4(safe_normalize(axis + first.x * along + second.x * across, axis), sqrt(first.y * second.y));
+}
+
 // From a light by way of a glossy triangle and the pixel to the camera.
 fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> vec3<f32> {
     let alpha = material.perceptual_roughness * material.perceptual_roughness;
@@ -448,24 +498,15 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
     }
     if receiver.glossy {
         let product = sg_product_unit(lobe.axis, sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
-        let weights = look(seen, product.axis);
+        let refined = refine_product(receiver, seen, material, light, product.axis, product.sharpness);
+        let weights = look(seen, refined.xyz);
         let point = point_of(seen, weights);
-        let direction = safe_normalize(point, product.axis);
-        let cosine = dot(receiver.normal_ws, direction);
-        if cosine > 0.0 {
-            let offset = direction - product.axis;
-            let away = 0.5 * dot(offset, offset);
-            let local = tail_sharpness(product.sharpness, away);
-            let half_vector = safe_normalize(receiver.view_ws + direction, receiver.normal_ws);
-            let fresnel = fresnel_schlick(
-                receiver.normal_reflectance, receiver.grazing_reflectance, dot(receiver.view_ws, half_vector),
-            );
-            let brdf = fresnel * (ggx_ndf(receiver.normal_ws, half_vector, receiver.alpha)
-                * smith_visibility(receiver.n_dot_v, cosine, receiver.alpha));
-            let reflected = reflect_light(receiver, material, light, point, normal_of(seen, weights));
-            let peak = reflected.radiance * brdf * (cosine * exp(local * away));
-            sum += peak * lobe_over(receiver, seen, product.axis, local);
-        }
+        let direction = safe_normalize(point, refined.xyz);
+        let offset = direction - refined.xyz;
+        let away = 0.5 * dot(offset, offset);
+        let local = tail_sharpness(refined.w, away);
+        let reflected = mirrored_twice(receiver, material, light, point, direction, normal_of(seen, weights));
+        sum += reflected * exp(local * away) * lobe_over(receiver, seen, refined.xyz, local);
     }
     return sum;
 }

@@ -3,8 +3,8 @@
 //! A receiver sees a cluster of triangles through the solid angle that it covers, so that the light of a rectangle in its
 //! place is wrong in two ways only: where one of them is seen and the other is not, and by how the radiance in a direction
 //! differs. (The flux of `K(ω) ω/d²` through a surface depends on its boundary alone, since that field has no divergence.)
-//! All errors are relative to the cluster's own light under the receiver's weight where that is largest:
-//! `L K_max Ω`; a cluster is taken where their sum stays below what the caller allows. Lightcuts (Walter et al. 2005) bound
+//! All errors are relative to the cluster's own light as it would be if the receiver's weight were everywhere what it is at
+//! most, and `cos θ / d²` what it is in the middle: `L K_max Ω`; a cluster is taken where their sum stays below what the caller allows. Lightcuts (Walter et al. 2005) bound
 //! each cluster relative to the light of all of them instead, which takes a cut that is known before the next is tried; this
 //! one needs no list of clusters.
 //!
@@ -45,21 +45,22 @@ pub fn cluster_side(height: f32, deviation: f32, farthest: f32, turn: f32) -> f3
     0.0
 }
 
-/// Share of a cluster's solid angle, as its largest weight `cos θ / d²` sees it, that is in the rectangle or in the triangles
-/// but not in both. The receiver is at most `lateral` to the side of each point and at least `clearance` above it.
+/// Solid angle that is in the rectangle or in the triangles but not in both, over that of the cluster if `cos θ / d²` were
+/// everywhere what it is in the middle. The receiver is at most `lateral` to the side of each point and at least `clearance`
+/// above it; its distance from the middle is at most `distance_ratio` times that from any point.
 ///
 /// A boundary that is off the plane by the deviation is seen shifted by `deviation lateral / clearance` in the plane. With
-/// `cos θ / d² = height / d³`, the weight differs by no more than the cube of the ratio of distances.
+/// `cos θ / d² = height / d³`, the weight is larger than in the middle by no more than the cube of the ratio.
 #[must_use]
 pub fn cluster_shape_error(
     mismatch: f32,
     rim: f32,
     lateral: f32,
     clearance: f32,
-    farthest_over_nearest: f32,
+    distance_ratio: f32,
 ) -> f32 {
     let shifted = rim * (lateral / clearance.max(TINY)).min(1e6);
-    let cubed = farthest_over_nearest * farthest_over_nearest * farthest_over_nearest;
+    let cubed = distance_ratio * distance_ratio * distance_ratio;
     ((mismatch + shifted) * cubed.min(1e6)).min(MOST_ERROR)
 }
 

@@ -27,9 +27,9 @@ fn cluster_side(height: f32, deviation: f32, farthest: f32, turn: f32) -> f32 {
 }
 
 // Share of a cluster's solid angle that is in the rectangle or in the triangles but not in both.
-fn cluster_shape_error(mismatch: f32, rim: f32, lateral: f32, clearance: f32, farthest_over_nearest: f32) -> f32 {
+fn cluster_shape_error(mismatch: f32, rim: f32, lateral: f32, clearance: f32, distance_ratio: f32) -> f32 {
     let shifted = rim * min(lateral / max(clearance, TINY), 1e6);
-    let cubed = farthest_over_nearest * farthest_over_nearest * farthest_over_nearest;
+    let cubed = distance_ratio * distance_ratio * distance_ratio;
     return min((mismatch + shifted) * min(cubed, 1e6), MOST_ERROR);
 }
 

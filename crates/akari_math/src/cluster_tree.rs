@@ -1,8 +1,9 @@
 //! A tree of clusters over triangles, each with the rectangle that may stand for it (CPU only).
 //!
 //! Nodes are in depth-first order with skip pointers, so that a shader needs no stack. A node is split where boxes of its
-//! halves, in space and of their normals, are smallest for what they hold (surface area heuristic, Goldsmith and Salmon
-//! 1987, with the extent of normals beside that of positions); groups (materials) are separated before anything else.
+//! halves, in space and of their normals, are smallest for what they hold (as by the surface area heuristic, Goldsmith and
+//! Salmon 1987, but by the squares of the boxes' diagonals, and of the extent of normals beside them); groups (materials) are
+//! separated before anything else.
 //!
 //! The rectangle is the smallest one about the projected triangles, shrunk to their area: what tiles a rectangle is
 //! represented exactly.
@@ -294,13 +295,13 @@ impl Bounds {
         }
     }
 
-    fn surface(self) -> f32 {
-        let e = self.high - self.low;
-        e.x * e.y + e.y * e.z + e.z * e.x
+    /// Square of the diagonal: slivers are worse than squares of the same area, since light varies along them.
+    fn size(self) -> f32 {
+        (self.high - self.low).length_squared()
     }
 
     fn cost(self, whole: f32) -> f32 {
-        self.surface() / whole + NORMAL_COST * (self.normal_high - self.normal_low).length_squared()
+        self.size() / whole + NORMAL_COST * (self.normal_high - self.normal_low).length_squared()
     }
 }
 
@@ -310,7 +311,7 @@ fn split(all: &[ClusterTriangle], order: &mut [u32]) -> usize {
     let bounds = order
         .iter()
         .fold(Bounds::NONE, |b, &i| b.with(&all[i as usize]));
-    let whole = bounds.surface().max(f32::MIN_POSITIVE);
+    let whole = bounds.size().max(f32::MIN_POSITIVE);
     let extent = bounds.high - bounds.low;
     let turned = (bounds.normal_high - bounds.normal_low).max_element() > 1e-3;
     let key = |axis: usize, i: u32| {

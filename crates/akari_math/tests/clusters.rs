@@ -173,7 +173,7 @@ fn rectangles_are_as_near_to_their_triangles_as_claimed() {
                         rim,
                         lateral,
                         clearance,
-                        farthest / nearest_distance,
+                        offset.length() / nearest_distance,
                     ))
                 };
                 let bound = claimed(node.mismatch, node.rim);

@@ -11,8 +11,8 @@
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
 #import akari_voxel_gi::lighting::{due_owner, lighting, mark_lit}
 #import akari_voxel_gi::records::{VoxelFace, dither, load_face}
-#import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap}
-#import akari_voxel_gi::types::{IRRADIANCE_STRIDE, UNKNOWN_IRRADIANCE}
+#import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap, voxel_coverage}
+#import akari_voxel_gi::types::{IRRADIANCE_STRIDE, LAMPS_ELSEWHERE_BIT, UNKNOWN_IRRADIANCE}
 
 // Four vectors a light, then corners of polygons. See `lights.rs`.
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
@@ -144,7 +144,9 @@ fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
     let element = 6u * face.record + face.face;
     var received = vec3(0.0);
-    for (var light = 0u; light < lighting.light_count; light++) {
+    // What lamps send to it may be reflected elsewhere, by metal.
+    let elsewhere = (voxel_coverage[face.record].y >> (LAMPS_ELSEWHERE_BIT + face.face)) & 1u;
+    for (var light = 0u; light < select(lighting.light_count, 0u, elsewhere != 0u); light++) {
         if lights[LIGHT_STRIDE * light].w <= KIND_POINT {
             received += irradiance_of_point(face, light);
         } else {

@@ -15,7 +15,7 @@
 #ifdef EMISSIVE
 #import akari_voxel_gi::store::emission
 #endif
-#import akari_voxel_gi::types::slot_of_brick
+#import akari_voxel_gi::types::{LAMPS_ELSEWHERE_BIT, slot_of_brick}
 
 // As in `voxelize.wgsl`.
 const LEAST_COVERAGE: f32 = 1.0 / 510.0;
@@ -47,6 +47,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     var record: VoxelRecord;
     var areas: array<f32, 6>;
     var most = 0.0;
+    var elsewhere_bits = 0u;
     for (var face = 0u; face < 6u; face += 1u) {
         let axis = face >> 1u;
         // Bit of the child number that tells the two of a row apart, and its value for the front one.
@@ -56,6 +57,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         var albedo = vec3<f32>(0.0);
         var normal = vec3<f32>(0.0);
         var place = vec3<f32>(0.0);
+        var elsewhere = 0.0;
 #ifdef EMISSIVE
         var shine = vec3<f32>(0.0);
 #endif
@@ -76,6 +78,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 let weight = 0.25 * seen * facing;
                 let part = voxel_surface_unpack(surface[6u * from_record + face], face);
                 area += weight;
+                elsewhere += weight * f32((bits.y >> (LAMPS_ELSEWHERE_BIT + face)) & 1u);
                 albedo += weight * part.albedo;
                 normal += weight * part.normal;
                 let child = row | bit;
@@ -97,6 +100,9 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         // As in voxelization: rounded to the nearest step, 0 too.
         areas[face] = select(area, 0.0, area < LEAST_COVERAGE);
         most = max(most, area);
+        if 2.0 * elsewhere > area {
+            elsewhere_bits |= 1u << (LAMPS_ELSEWHERE_BIT + face);
+        }
         record.surface[face] = voxel_surface_pack(VoxelSurface(albedo * scale, place * scale, normal), face);
 #ifdef EMISSIVE
         record.emission[face] = voxel_radiance_pack(shine * scale, vec3<f32>(0.5));
@@ -106,5 +112,6 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         vec3<f32>(areas[0], areas[2], areas[4]),
         vec3<f32>(areas[1], areas[3], areas[5]),
     );
+    record.coverage.y |= elsewhere_bits;
     store_brick(lane, slot_of_brick(level, dirty.brick), most >= LEAST_COVERAGE, record);
 }

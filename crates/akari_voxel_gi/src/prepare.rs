@@ -7,8 +7,9 @@ use crate::demand::CounterReadback;
 use crate::pipeline::{StoreKey, VoxelizePipelines};
 use crate::scene::{GeometryKey, SceneInstance, SurfaceKey, VoxelScene};
 use crate::types::{
-    FACES, GpuDirtyBrick, GpuVoxelCluster, GpuVoxelInstance, GpuVoxelJob, INSTANCE_MIRRORED,
-    INSTANCE_TWO_SIDED, IRRADIANCE_STRIDE, ONE_SURFACE, POOL_FREE, POOL_HEADER, RELEASE_PENDING,
+    FACES, GpuDirtyBrick, GpuVoxelCluster, GpuVoxelInstance, GpuVoxelJob, INSTANCE_LAMPS_ELSEWHERE,
+    INSTANCE_MIRRORED, INSTANCE_TWO_SIDED, IRRADIANCE_STRIDE, ONE_SURFACE, POOL_FREE, POOL_HEADER,
+    RELEASE_PENDING,
 };
 use akari_math::voxel::brick::{FREE_PAGE, PAGE_RECORDS};
 use akari_render::prelude::*;
@@ -517,6 +518,9 @@ fn gpu_instance(
     let mut flags = 0;
     if instance.surface.two_sided {
         flags |= INSTANCE_TWO_SIDED;
+    }
+    if instance.surface.lamps_elsewhere {
+        flags |= INSTANCE_LAMPS_ELSEWHERE;
     }
     if matrix.determinant() < 0.0 {
         flags |= INSTANCE_MIRRORED;

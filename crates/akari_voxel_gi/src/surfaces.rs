@@ -33,6 +33,9 @@ pub struct MeshSurface {
     pub two_sided: bool,
     /// Whether anything shines.
     pub emissive: bool,
+    /// Whether what lamps send to it bounces elsewhere: metal that something else mirrors. What voxels send to it still
+    /// bounces here.
+    pub lamps_elsewhere: bool,
     /// Images that it depends on.
     pub images: Vec<AssetId<Image>>,
 }
@@ -108,12 +111,15 @@ impl Lookup<'_> {
     }
 }
 
+/// Metallic factor above which a surface reflects more in its lobe than diffusely.
+const MOSTLY_METAL: f32 = 0.5;
+
 /// Light of a mesh that something else accounts for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Elsewhere {
     /// What it emits: an area light stands for it.
     pub emission: bool,
-    /// What its specular lobe sends on: a metal is black then.
+    /// What its specular lobe sends on of the light of lamps.
     pub mirrored: bool,
 }
 
@@ -160,13 +166,8 @@ pub fn mesh_surface(
     };
     let used = [material.base_color_texture.as_ref(), emissive_texture];
     let images = used.into_iter().flatten().map(Handle::id).collect();
-    let diffuse = if elsewhere.mirrored {
-        1.0 - material.metallic.clamp(0.0, 1.0)
-    } else {
-        1.0
-    };
     let uniform = Surface {
-        albedo: finite(material.base_color.to_linear().to_vec3() * diffuse),
+        albedo: finite(material.base_color.to_linear().to_vec3()),
         emission: if emissive {
             finite(material.emissive.to_vec3())
         } else {
@@ -204,6 +205,7 @@ pub fn mesh_surface(
         entries,
         two_sided,
         emissive,
+        lamps_elsewhere: elsewhere.mirrored && material.metallic > MOSTLY_METAL,
         images,
     }
 }
@@ -355,8 +357,8 @@ mod tests {
         let mesh = Rectangle::new(1.0, 1.0).mesh().build();
         let geometry = MeshGeometry::new(&mesh).expect("a rectangle");
         let left = mesh_surface(Some(&mesh), &geometry, &material, &images, elsewhere);
-        assert_eq!(albedo(left.entries[0]), Vec3::ZERO, "its lobe is elsewhere");
-        assert_eq!(left.entries[0].emission, plain.entries[0].emission);
+        assert!(left.lamps_elsewhere && !plain.lamps_elsewhere);
+        assert_eq!(left.entries, plain.entries, "other light still bounces");
         let light = voxel_radiance_unpack(plain.entries[0].emission);
         assert!(
             light.abs_diff_eq(Vec3::new(300.0, 20.0, 1.0), 2.0),

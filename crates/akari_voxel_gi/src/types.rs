@@ -141,6 +141,10 @@ pub const ONE_SURFACE: u32 = u32::MAX;
 pub const INSTANCE_TWO_SIDED: u32 = 1;
 /// Bit of [`GpuVoxelInstance::flags`]: the transform mirrors, so that triangles wind the other way.
 pub const INSTANCE_MIRRORED: u32 = 2;
+/// Bit of [`GpuVoxelInstance::flags`]: what lamps send to it is reflected elsewhere.
+pub const INSTANCE_LAMPS_ELSEWHERE: u32 = 4;
+/// Bit of the second word of a record's coverage that says so of its first face; those of the others follow.
+pub const LAMPS_ELSEWHERE_BIT: u32 = 16;
 
 /// Triangles of a cluster, and invocations that share one.
 pub const CLUSTER_TRIANGLES: u32 = 64;

@@ -23,6 +23,9 @@ const PAGE_STALE: u32 = 0x20000000u;
 const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;
+const INSTANCE_LAMPS_ELSEWHERE: u32 = 4u;
+// Of the second word of a record's coverage, for its first face.
+const LAMPS_ELSEWHERE_BIT: u32 = 16u;
 const CLUSTER_TRIANGLES: u32 = 64u;
 const POOL_HEADER: u32 = 8u;
 const POOL_FREE: u32 = 5u;

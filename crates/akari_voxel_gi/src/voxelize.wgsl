@@ -10,8 +10,8 @@
 }
 #import akari_voxel_gi::store::{VoxelRecord, clipmap, dirty_bricks, job, pool, store_brick}
 #import akari_voxel_gi::types::{
-    COUNTER_CLIPPED, INSTANCE_MIRRORED, INSTANCE_TWO_SIDED, INWARD_SHIFT, ONE_SURFACE, VoxelCluster, VoxelInstance,
-    slot_of_brick,
+    COUNTER_CLIPPED, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_MIRRORED, INSTANCE_TWO_SIDED, INWARD_SHIFT, LAMPS_ELSEWHERE_BIT,
+    ONE_SURFACE, VoxelCluster, VoxelInstance, slot_of_brick,
 }
 
 @group(1) @binding(0) var<storage, read> instances: array<VoxelInstance>;
@@ -74,6 +74,8 @@ struct Sums {
     albedo: array<vec3<f32>, 6>,
     normal: array<vec3<f32>, 6>,
     place: array<vec3<f32>, 6>,
+    // What reflects lamps elsewhere, of the area.
+    elsewhere: array<f32, 6>,
 #ifdef EMISSIVE
     emission: array<vec3<f32>, 6>,
 #endif
@@ -81,11 +83,12 @@ struct Sums {
 
 var<private> sums: Sums;
 
-fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: vec3<f32>, shine: vec3<f32>) {
+fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: vec3<f32>, elsewhere: f32, shine: vec3<f32>) {
     sums.area[face] += weight;
     sums.albedo[face] += weight * albedo;
     sums.normal[face] += weight * normal;
     sums.place[face] += weight * place;
+    sums.elsewhere[face] += weight * elsewhere;
 #ifdef EMISSIVE
     sums.emission[face] += weight * shine;
 #endif
@@ -112,9 +115,11 @@ fn add_triangle(index: u32, voxel: vec3<f32>) {
     let unit = covered.area / length;
     let packed = triangle_surface[index];
     let albedo = vec3<f32>(unorm_unpack(packed.x), unorm_unpack(packed.x >> 8u), unorm_unpack(packed.x >> 16u));
-    // The top byte is the coverage; its low bit, which coverage does not need, says that both sides reflect.
-    let there = unorm_unpack((packed.x >> 24u) | 1u);
+    // The top byte is the coverage; its low bits, which coverage does not need, say that both sides reflect, and that what
+    // lamps send is reflected elsewhere.
+    let there = f32(packed.x >> 26u) / 63.0;
     let two_sided = (packed.x & 0x1000000u) != 0u;
+    let elsewhere = select(0.0, 1.0, (packed.x & 0x2000000u) != 0u);
 #ifdef EMISSIVE
     let shine = voxel_radiance_unpack(packed.y);
 #else
@@ -124,9 +129,9 @@ fn add_triangle(index: u32, voxel: vec3<f32>) {
     for (var axis = 0u; axis < 3u; axis += 1u) {
         let weight = abs(covered.area[axis]) * there;
         let face = 2u * axis + select(0u, 1u, covered.area[axis] < 0.0);
-        add_to_face(face, weight, albedo, unit, place, shine);
+        add_to_face(face, weight, albedo, unit, place, elsewhere, shine);
         if two_sided {
-            add_to_face(face ^ 1u, weight, albedo, -unit, place, shine);
+            add_to_face(face ^ 1u, weight, albedo, -unit, place, elsewhere, shine);
         }
     }
 }
@@ -165,7 +170,10 @@ fn load_triangle(lane: u32, instance: VoxelInstance, index: u32, corner: vec3<f3
     if instance.first_surface != ONE_SURFACE {
         packed = surfaces[instance.first_surface + index - instance.first_triangle];
     }
-    packed.x &= ~0x1000000u;
+    packed.x &= ~0x3000000u;
+    if (instance.flags & INSTANCE_LAMPS_ELSEWHERE) != 0u {
+        packed.x |= 0x2000000u;
+    }
     if (instance.flags & INSTANCE_TWO_SIDED) != 0u {
         packed.x |= 0x1000000u;
     }
@@ -271,5 +279,10 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         vec3<f32>(sums.area[0], sums.area[2], sums.area[4]),
         vec3<f32>(sums.area[1], sums.area[3], sums.area[5]),
     );
+    for (var face = 0u; face < 6u; face += 1u) {
+        if 2.0 * sums.elsewhere[face] > sums.area[face] {
+            record.coverage.y |= 1u << (LAMPS_ELSEWHERE_BIT + face);
+        }
+    }
     store_brick(lane, slot_of_brick(level, dirty.brick), most >= LEAST_COVERAGE, record);
 }

@@ -5,6 +5,7 @@ mod budget;
 mod demand;
 mod denoise;
 mod elision;
+mod environment;
 mod hard_cases;
 mod indirect;
 mod indirect_quality;

@@ -3,7 +3,6 @@
 use crate::light::{AreaLightTexture, PolygonLight, ShapeFault, check_outline};
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
 use crate::settings::{AreaLighting, DefaultAreaLighting};
-use akari_render::area_lights::{AreaLightPolygon, AreaLightPolygons};
 use akari_render::prelude::*;
 use bevy::camera::visibility::RenderLayers;
 use bevy::light::RectLight;
@@ -116,32 +115,6 @@ pub fn extract_views(
                 .remove::<(ViewAreaLighting, ViewAreaLights, AreaLightsReady)>();
         }
     }
-}
-
-/// Tells effects that bounce light which polygons shine. Textured lights are left out: their mean radiance is not known
-/// before their image is on the GPU.
-pub fn publish_polygons(
-    extracted: Res<ExtractedAreaLights>,
-    mut polygons: ResMut<AreaLightPolygons>,
-) {
-    if !extracted.is_changed() {
-        return;
-    }
-    polygons.lights = extracted
-        .lights
-        .iter()
-        .filter(|light| light.texture.is_none())
-        .map(|light| AreaLightPolygon {
-            corners: light
-                .vertices
-                .iter()
-                .map(|corner| light.center + *corner)
-                .collect(),
-            radiance: light.radiance,
-            range: light.range,
-            two_sided: light.two_sided,
-        })
-        .collect();
 }
 
 /// Shape of a light before it is placed into the world.

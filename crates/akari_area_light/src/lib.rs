@@ -36,6 +36,7 @@ pub mod images;
 pub mod light;
 pub mod pass;
 pub mod pipeline;
+pub mod polygons;
 pub mod prepare;
 pub mod settings;
 pub mod shadows;
@@ -87,7 +88,7 @@ impl Plugin for AreaLightPlugin {
                 ExtractSchedule,
                 (
                     extract::extract_area_lights,
-                    (extract::extract_views, extract::publish_polygons),
+                    (extract::extract_views, polygons::publish_polygons),
                 )
                     .chain()
                     .in_set(EffectSystems(EFFECT)),

@@ -204,7 +204,8 @@ pub struct RenderArgs {
     /// Baked visibility
     #[arg(long, value_name = "FILE.akari")]
     pub bake: Option<PathBuf>,
-    /// Environment map, equirectangular .exr or .hdr
+    /// Environment map, equirectangular .exr or .hdr. What is in its way shades it with --effects voxel-gi only; else it
+    /// is Bevy's own environment light
     #[arg(long, value_name = "MAP")]
     pub environment: Option<PathBuf>,
     /// Frames to draw once everything is loaded; without it, until the picture has converged, at most 64

@@ -8,6 +8,7 @@ mod compare;
 mod console;
 mod denoise;
 mod doctor;
+mod environment;
 mod error;
 mod inspect;
 mod load;

@@ -9,7 +9,6 @@ use crate::load::{
 };
 use crate::progress::{Reporter, writing};
 use akari_reference::{Error, Options, render};
-use akari_scene::Environment;
 
 /// Runs the command.
 ///
@@ -27,13 +26,7 @@ pub fn run(args: &ReferenceArgs, common: &Common) -> Result<(), CliError> {
     choose_camera(&scene, args.camera.as_deref(), common)?;
     let environment = match &args.environment {
         None => None,
-        Some(path) => {
-            let environment = Environment::load(path)?;
-            for warning in &environment.warnings {
-                warn(common, &format!("{}: {warning}", path.display()));
-            }
-            Some(environment)
-        }
+        Some(path) => Some(crate::environment::load(path, common)?),
     };
     let options = Options {
         width: args.size.width,

@@ -161,11 +161,10 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
     if let Some(folder) = &args.buffers {
         check_folder(folder)?;
     }
-    if args.environment.is_some() {
-        return Err(CliError::usage(
-            "--environment: this version draws no environment light yet; `akari reference` does",
-        ));
-    }
+    let environment = match &args.environment {
+        None => None,
+        Some(path) => Some(crate::environment::load(path, common)?),
+    };
     let scene = load_scene(&args.scene, common)?;
     let camera = choose_camera(&scene, args.camera.as_deref(), common)?;
     let bake = match &args.bake {
@@ -217,6 +216,12 @@ pub fn run(args: &RenderArgs, common: &Common) -> Result<(), CliError> {
             .world_mut()
             .entity_mut(view)
             .insert((DepthPrepass, DeferredPrepass));
+    }
+    if let Some(environment) = &environment {
+        let world = headless.app.world_mut();
+        let mut images = world.resource_mut::<Assets<Image>>();
+        let components = crate::environment::camera_components(environment, scale, &mut images);
+        world.entity_mut(view).insert(components);
     }
     if args.bevy_rect_lights {
         crate::spawn::replace_by_bevy_rect_lights(&mut headless, common)?;

@@ -1,24 +1,28 @@
 //! Cones of pixels: the signals of each view for the denoiser.
 
 use crate::EFFECT;
+use crate::buffers::VoxelBuffers;
 use crate::lighting::{
-    REACH, VOXEL_GROUP, VoxelLighting, trace_definitions, voxel_group, voxel_layout,
+    REACH, Traced, VOXEL_GROUP, VoxelLighting, trace_definitions, voxel_group, voxel_layout,
 };
-use crate::prepare::VoxelBuffers;
 use crate::settings::VoxelGi;
+use crate::sky::{Sky, SkyBindings, VoxelInteriors, has_map};
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use akari_render::signals::ViewSignals;
 use bevy::asset::load_embedded_asset;
+use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight};
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{texture_storage_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::sync_world::RenderEntity;
+use bevy::render::texture::GpuImage;
 use bevy::render::view::{ExtractedView, ViewUniformOffset};
 use bevy::shader::ShaderDefVal;
 
@@ -44,22 +48,31 @@ pub struct ViewVoxelGi {
     pub(crate) settings: VoxelGi,
     /// Whether anything in the scene is smooth enough for specular cones.
     pub(crate) specular: bool,
+    /// What it sees beside all voxels.
+    pub(crate) sky: Sky,
 }
 
 /// Field by field as `Cones` in `cones.wgsl`.
-#[derive(ShaderType, Debug, Clone, Copy, Default)]
-struct GpuCones {
-    size: UVec2,
-    scale: u32,
-    frame: u32,
-    eye: Vec3,
-    cones: u32,
-    sky: Vec3,
-    specular_cones: u32,
-    aperture: f32,
-    reach: f32,
-    pad_a: u32,
-    pad_b: u32,
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuCones {
+    /// Pixels of the full resolution.
+    pub size: UVec2,
+    /// Pixels per texel and axis.
+    pub scale: u32,
+    /// Counts up with each frame.
+    pub frame: u32,
+    /// The view's position from the anchor, metres.
+    pub eye: Vec3,
+    /// Cones of the hemisphere.
+    pub cones: u32,
+    /// Cones of the lobe.
+    pub specular_cones: u32,
+    /// Width of cones over that of what they stand for.
+    pub aperture: f32,
+    /// Farthest that light is gathered from, metres.
+    pub reach: f32,
+    /// Padding.
+    pub pad_a: u32,
 }
 
 /// The signals' textures.
@@ -94,7 +107,19 @@ fn bytes_name(view: Entity) -> String {
 /// Marks the views of cameras that ask for it, while the effect is needed.
 pub fn extract_views(
     mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, &Camera, &VoxelGi), With<Camera3d>>>,
+    cameras: Extract<
+        Query<
+            (
+                RenderEntity,
+                &Camera,
+                &VoxelGi,
+                Option<&EnvironmentMapLight>,
+                Option<&AmbientLight>,
+            ),
+            With<Camera3d>,
+        >,
+    >,
+    ambient: Extract<Option<Res<GlobalAmbientLight>>>,
     meshes: Extract<Query<&MeshMaterial3d<StandardMaterial>>>,
     materials: Extract<Res<Assets<StandardMaterial>>>,
     report: Extract<Res<EffectReport>>,
@@ -104,7 +129,7 @@ pub fn extract_views(
     let mut wanted = HashSet::new();
     if report.is_active(EFFECT) {
         let mut smooth = None;
-        for (view, camera, settings) in &cameras {
+        for (view, camera, settings, map, own) in &cameras {
             if !camera.is_active {
                 continue;
             }
@@ -118,6 +143,7 @@ pub fn extract_views(
             commands.entity(view).insert(ViewVoxelGi {
                 settings: *settings,
                 specular,
+                sky: Sky::new(map, own, ambient.as_deref()),
             });
         }
     }
@@ -126,7 +152,14 @@ pub fn extract_views(
             ledger.set_bytes(EFFECT, bytes_name(view), 0);
             commands
                 .entity(view)
-                .remove::<(ViewVoxelGi, ConeTargets, PreparedCones, ViewSignals)>();
+                // The ambient light is that of `bevy_sky`; a camera's own comes again with the next frame.
+                .remove::<(
+                    ViewVoxelGi,
+                    ConeTargets,
+                    PreparedCones,
+                    ViewSignals,
+                    AmbientLight,
+                )>();
         }
     }
 }
@@ -260,6 +293,8 @@ pub fn prepare_cones(
         &ViewGuides,
     )>,
     buffers: Option<Res<VoxelBuffers>>,
+    interiors: Res<VoxelInteriors>,
+    images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<ConePipelines>,
     cache: Res<PipelineCache>,
     assets: Res<AssetServer>,
@@ -272,7 +307,10 @@ pub fn prepare_cones(
     };
     for (entity, extracted, view, targets, guides) in &views {
         let mut definitions = guides.shader_defs.clone();
-        definitions.extend(trace_definitions(true, view.settings.plain_cones));
+        let traced = Traced::Light {
+            sky_map: has_map(&view.sky, &images),
+        };
+        definitions.extend(trace_definitions(traced, view.settings.plain_cones));
         let key = (definitions, view.specular);
         let pipeline = *pipelines
             .0
@@ -286,7 +324,7 @@ pub fn prepare_cones(
                     label: Some(CONES_LABEL.into()),
                     layout: vec![
                         guides.layout.clone(),
-                        voxel_layout(true),
+                        voxel_layout(traced),
                         view_layout(*specular),
                     ],
                     shader: load_embedded_asset!(assets.as_ref(), "cones.wgsl"),
@@ -301,12 +339,10 @@ pub fn prepare_cones(
             frame: targets.frame,
             eye: (position - buffers.clipmap.camera()).as_vec3(),
             cones: view.settings.cones.max(1),
-            sky: Vec3::ZERO,
             specular_cones: view.settings.specular_cones,
             aperture: view.settings.aperture,
             reach: REACH,
             pad_a: 0,
-            pad_b: 0,
         });
         uniform.write_buffer(&device, &queue);
         let Some(binding) = uniform.binding() else {
@@ -326,10 +362,17 @@ pub fn prepare_cones(
             &cache.get_bind_group_layout(&view_layout(view.specular)),
             &entries,
         );
+        let sky = SkyBindings::new(
+            &view.sky,
+            &interiors,
+            buffers.clipmap.camera(),
+            &images,
+            &device,
+        );
         commands.entity(entity).insert(PreparedCones {
             uniform,
             group,
-            voxels: voxel_group(&buffers, true, &device, &cache),
+            voxels: voxel_group(&buffers, Some(&sky), &device, &cache),
             pipeline,
             texels: targets.texels,
         });

@@ -1,8 +1,9 @@
 //! Debug views: what the voxels hold and what the cones do, drawn over the picture. Nothing is there without one.
 
+use crate::buffers::VoxelBuffers;
 use crate::cones::{ConeTargets, ViewVoxelGi};
-use crate::lighting::{REACH, VOXEL_GROUP, trace_definitions, voxel_group, voxel_layout};
-use crate::prepare::VoxelBuffers;
+use crate::lighting::{REACH, Traced, VOXEL_GROUP, trace_definitions, voxel_group, voxel_layout};
+use crate::sky::{Sky, SkyBindings, VoxelInteriors};
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
@@ -12,10 +13,12 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::uniform_buffer;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::sync_world::RenderEntity;
+use bevy::render::texture::GpuImage;
 use bevy::render::view::{ExtractedView, ViewTarget, ViewUniformOffset};
 use bevy::shader::ShaderDefVal;
 
@@ -23,6 +26,8 @@ use bevy::shader::ShaderDefVal;
 pub const DEBUG_LABEL: &str = "akari_voxel_gi_debug";
 /// Bind group of what is the view's own.
 const VIEW_GROUP: usize = 2;
+/// Debug views look at voxels, not at what is beside them.
+const VIEWED: Traced = Traced::Light { sky_map: false };
 
 /// What is drawn.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash, Reflect)]
@@ -165,7 +170,7 @@ fn descriptor(
     shader_defs.push(view.shader_def().into());
     RenderPipelineDescriptor {
         label: Some(DEBUG_LABEL.into()),
-        layout: vec![guides.clone(), voxel_layout(true), layout()],
+        layout: vec![guides.clone(), voxel_layout(VIEWED), layout()],
         vertex: fullscreen.to_vertex_state(),
         fragment: Some(FragmentState {
             shader: load_embedded_asset!(assets, "debug.wgsl"),
@@ -194,6 +199,8 @@ pub fn prepare_debug_views(
     )>,
     left: Query<Entity, (With<PreparedDebug>, Without<ViewVoxelGi>)>,
     buffers: Option<Res<VoxelBuffers>>,
+    interiors: Res<VoxelInteriors>,
+    images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<DebugPipelines>,
     fullscreen: Res<FullscreenShader>,
     cache: Res<PipelineCache>,
@@ -211,7 +218,7 @@ pub fn prepare_debug_views(
     };
     for (entity, extracted, view, debug, targets, guides) in &views {
         let mut definitions = guides.shader_defs.clone();
-        definitions.extend(trace_definitions(true, view.settings.plain_cones));
+        definitions.extend(trace_definitions(VIEWED, view.settings.plain_cones));
         let key = (definitions, debug.0, extracted.target_format);
         let pipeline = *pipelines
             .0
@@ -250,10 +257,17 @@ pub fn prepare_debug_views(
             &cache.get_bind_group_layout(&layout()),
             &BindGroupEntries::single(binding),
         );
+        let sky = SkyBindings::new(
+            &Sky::default(),
+            &interiors,
+            buffers.clipmap.camera(),
+            &images,
+            &device,
+        );
         commands.entity(entity).insert(PreparedDebug {
             _uniform: uniform,
             group,
-            voxels: voxel_group(&buffers, true, &device, &cache),
+            voxels: voxel_group(&buffers, Some(&sky), &device, &cache),
             pipeline,
         });
     }

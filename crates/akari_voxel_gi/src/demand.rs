@@ -1,15 +1,18 @@
 //! Whether the scene calls for voxel GI, and what voxelization counted.
 
 use crate::EFFECT;
-use crate::prepare::VoxelBuffers;
+use crate::buffers::VoxelBuffers;
 use crate::settings::VoxelGi;
+use crate::sky::Sky;
 use crate::surfaces::{is_emissive, is_voxelized};
 use crate::types::{COUNTER_NAMES, POOL_FREE, POOL_HEADER, POOL_LIT};
 use akari_render::emission::ShinesAsAreaLight;
 use akari_render::guides::NeedsGuides;
 use akari_render::prelude::*;
 use akari_render::signals::MakesSignals;
-use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight, RectLight};
+use bevy::light::{
+    AmbientLight, EnvironmentMapLight, GeneratedEnvironmentMapLight, GlobalAmbientLight, RectLight,
+};
 use bevy::prelude::*;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
@@ -22,7 +25,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 pub const VOXEL_MESHES: &str = "meshes that voxels hold";
 /// Census entry: meshes of those that shine and that no area light stands for.
 pub const EMISSIVE_MESHES: &str = "emissive meshes";
-/// Census entry: lights and environment maps of Bevy that are not hidden.
+/// Census entry: lights of Bevy that are not hidden, and cameras that see a sky (an environment map, or ambient light).
 pub const BOUNCING_LIGHTS: &str = "lights that bounce";
 /// Census entry: active cameras that ask for voxel GI.
 pub const VOXEL_CAMERAS: &str = "cameras with voxel GI";
@@ -122,18 +125,28 @@ fn count_lights_and_cameras(
     point: Query<(&PointLight, &InheritedVisibility)>,
     spot: Query<(&SpotLight, &InheritedVisibility)>,
     rect: Query<(&RectLight, &InheritedVisibility)>,
-    environments: Query<
-        (),
-        Or<(
-            With<EnvironmentMapLight>,
-            With<GeneratedEnvironmentMapLight>,
-        )>,
+    cameras: Query<
+        (
+            &Camera,
+            Option<&EnvironmentMapLight>,
+            Has<GeneratedEnvironmentMapLight>,
+            Option<&AmbientLight>,
+        ),
+        (With<VoxelGi>, With<Camera3d>),
     >,
-    cameras: Query<&Camera, (With<VoxelGi>, With<Camera3d>)>,
+    ambient: Option<Res<GlobalAmbientLight>>,
     mut census: ResMut<Census>,
 ) {
-    let active = cameras.iter().filter(|camera| camera.is_active).count();
-    set(&mut census, VOXEL_CAMERAS, active as u32);
+    let (mut active, mut skies) = (0, 0);
+    for (camera, map, generated, own) in &cameras {
+        if camera.is_active {
+            active += 1;
+            // A generated map is one as soon as it is made.
+            let sky = Sky::new(map, own, ambient.as_deref());
+            skies += usize::from(sky.shines() || generated && map.is_none());
+        }
+    }
+    set(&mut census, VOXEL_CAMERAS, active);
     if active == 0 {
         return;
     }
@@ -158,7 +171,7 @@ fn count_lights_and_cameras(
             .filter(|(light, visibility)| visibility.get() && light.intensity > 0.0)
             .count()
         + rects
-        + environments.iter().count();
+        + skies;
     set(&mut census, BOUNCING_LIGHTS, lights as u32);
 }
 

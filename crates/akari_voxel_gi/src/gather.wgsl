@@ -39,7 +39,7 @@ fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
     let element = first + face.face;
     let light = gather_diffuse(
-        face.position, face.surface.normal, lighting.cones, lighting.aperture, lighting.reach, lighting.sky,
+        face.position, face.surface.normal, lighting.cones, lighting.aperture, lighting.reach,
         vec2(element, 0u), lighting.frame,
     );
     var mean = light.irradiance;

@@ -19,8 +19,14 @@
 //! no pass and no pipeline for that. [`VoxelGi::plain_cones`](settings::VoxelGi::plain_cones) traces isotropic cones as
 //! commonly done, for comparison. `docs/error_time.md` has the error against paths over the time of a frame.
 //!
-//! **Limits**: environment and ambient light do not enter; metals bounce diffusely in voxels, so that they throw no
-//! caustics.
+//! **Sky**: the camera's [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight) and ambient light shine where cones leave
+//! the voxels, so that what is in the way shades them; the voxels are lit by the sky of the camera that the clipmap
+//! follows. Bevy's own, which nothing shades, is left out of such a camera's deferred lighting, and its light probes
+//! are. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room.
+//!
+//! **Limits**: metals bounce diffusely in voxels, so that they throw no caustics. Without
+//! [`VoxelGi::feedback`](settings::VoxelGi::feedback) the sky lights pixels, but bounces off nothing. Beyond the last cascade
+//! nothing shades the sky. What is drawn forward has the environment map unshaded, and no ambient light.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
@@ -28,12 +34,16 @@ use akari_render::signals::AkariPassSystems;
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems, camera_driver};
+use bevy::pbr::deferred::deferred_lighting;
+use bevy::pbr::screen_space_reflections;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderDevice, RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
 pub mod arena;
+mod bevy_sky;
+pub mod buffers;
 pub mod clipmap;
 pub mod cones;
 pub mod debug;
@@ -46,8 +56,10 @@ pub mod pipeline;
 pub mod prepare;
 pub mod scene;
 pub mod settings;
+pub mod sky;
 pub mod surfaces;
 pub mod types;
+pub mod upload;
 
 /// Name of the effect in reports, statistics and on the command line.
 pub const EFFECT: &str = "voxel-gi";
@@ -58,6 +70,7 @@ pub mod prelude {
     pub use crate::debug::{VoxelGiDebug, VoxelGiDebugView};
     pub use crate::scene::NotVoxelized;
     pub use crate::settings::VoxelGi;
+    pub use crate::sky::VoxelGiInterior;
 }
 
 /// Storage buffers that a pass binds at most.
@@ -72,6 +85,7 @@ impl Plugin for VoxelGiPlugin {
         ensure_render_plugin(app);
         app.register_type::<settings::VoxelGi>()
             .register_type::<scene::NotVoxelized>()
+            .register_type::<sky::VoxelGiInterior>()
             .register_type::<debug::VoxelGiDebug>();
         demand::build(app);
         if app.get_sub_app(RenderApp).is_none() {
@@ -80,6 +94,7 @@ impl Plugin for VoxelGiPlugin {
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "store.wgsl");
         load_shader_library!(app, "trace.wgsl");
+        load_shader_library!(app, "sky.wgsl");
         load_shader_library!(app, "records.wgsl");
         load_shader_library!(app, "diffuse.wgsl");
         load_shader_library!(app, "lighting.wgsl");
@@ -111,6 +126,7 @@ impl Plugin for VoxelGiPlugin {
             .init_resource::<prepare::VoxelFrame>()
             .init_resource::<demand::CounterReadback>()
             .init_resource::<lights::VoxelLights>()
+            .init_resource::<sky::VoxelInteriors>()
             .init_resource::<cones::ConePipelines>()
             .init_resource::<debug::DebugPipelines>()
             .add_systems(
@@ -118,6 +134,7 @@ impl Plugin for VoxelGiPlugin {
                 (
                     scene::extract_scene,
                     lights::extract_lights,
+                    sky::extract_interiors,
                     cones::extract_views,
                     debug::extract_debug_views,
                 )
@@ -126,8 +143,13 @@ impl Plugin for VoxelGiPlugin {
             .add_systems(
                 Render,
                 (
-                    (prepare::release_voxels, prepare::prepare_voxel_buffers)
-                        .chain()
+                    bevy_sky::darken_ambient_light
+                        .after(RenderSystems::ExtractCommands)
+                        .before(RenderSystems::CreateViews),
+                    (
+                        (prepare::release_voxels, prepare::prepare_voxel_buffers).chain(),
+                        bevy_sky::reserve_no_probes,
+                    )
                         .in_set(RenderSystems::Prepare),
                     (prepare::prepare_voxel_work, cones::prepare_signals)
                         .in_set(RenderSystems::PrepareResources),
@@ -138,6 +160,7 @@ impl Plugin for VoxelGiPlugin {
                     )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
+                    bevy_sky::write_no_probes.in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
                 )
                     .in_set(EffectSystems(EFFECT)),
@@ -154,6 +177,15 @@ impl Plugin for VoxelGiPlugin {
             .add_systems(
                 Core3d,
                 (
+                    bevy_sky::cover_probes
+                        .in_set(Core3dSystems::MainPass)
+                        .before(deferred_lighting),
+                    // Reflections in screen space fall back on the map, too.
+                    bevy_sky::uncover_probes
+                        .in_set(Core3dSystems::MainPass)
+                        .after(deferred_lighting)
+                        .after(screen_space_reflections)
+                        .before(main_opaque_pass_3d),
                     cones::trace_cones.in_set(AkariPassSystems::Signals),
                     // Over all that was added to the picture, under what is drawn forward.
                     debug::draw_debug_view

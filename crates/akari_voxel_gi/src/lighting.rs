@@ -1,23 +1,28 @@
 //! The passes that light the voxels, once a frame for all cameras.
 
 use crate::EFFECT;
+use crate::buffers::VoxelBuffers;
 use crate::demand::CounterReadback;
 use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
 use crate::pipeline::StoreKey;
-use crate::prepare::{VoxelBuffers, VoxelFrame};
+use crate::prepare::VoxelFrame;
 use crate::scene::VoxelScene;
+use crate::sky::{GpuVoxelSurroundings, Sky, SkyBindings, VoxelInteriors, has_map};
 use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
 use akari_math::voxel::schedule::WHOLE_TURN;
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
+use bevy::math::Affine3A;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer,
+    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_cube, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
 use bevy::shader::ShaderDefVal;
 
 /// Label of the pass that lights the voxels, and of its time span.
@@ -103,11 +108,26 @@ impl Rounds {
     }
 }
 
+/// What a shader traces voxels for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Traced {
+    /// For what is in the way.
+    Occlusion,
+    /// For the light that they and the sky send.
+    Light {
+        /// Whether the sky has an environment map.
+        sky_map: bool,
+    },
+}
+
 /// Pipelines and bindings of the lighting passes.
 #[derive(Resource)]
 pub struct VoxelLighting {
     key: StoreKey,
     plain_cones: bool,
+    sky_map: bool,
+    /// What shone last from beside all voxels, and on what.
+    surroundings: (Sky, Vec<Affine3A>),
     inject: CachedComputePipelineId,
     gather: Option<CachedComputePipelineId>,
     uniform: UniformBuffer<GpuVoxelLighting>,
@@ -125,12 +145,18 @@ struct Groups {
     pool: Buffer,
 }
 
-/// Layout of the voxels, with or without their radiance.
-pub fn voxel_layout(radiance: bool) -> BindGroupLayoutDescriptor {
+/// Layout of the voxels, and of what is beside them.
+pub fn voxel_layout(traced: Traced) -> BindGroupLayoutDescriptor {
     let read = storage_buffer_read_only_sized(false, None);
     let mut entries = vec![uniform_buffer::<GpuVoxelClipmap>(false), read, read, read];
-    if radiance {
-        entries.push(read);
+    if let Traced::Light { sky_map } = traced {
+        entries.extend([read, uniform_buffer::<GpuVoxelSurroundings>(false)]);
+        if sky_map {
+            entries.extend([
+                texture_cube(TextureSampleType::Float { filterable: true }),
+                sampler(SamplerBindingType::Filtering),
+            ]);
+        }
     }
     let entries: Vec<BindGroupLayoutEntry> = entries
         .into_iter()
@@ -144,43 +170,54 @@ pub fn voxel_layout(radiance: bool) -> BindGroupLayoutDescriptor {
     BindGroupLayoutDescriptor::new("akari_voxel_gi_voxels_layout", &entries)
 }
 
-/// The group of [`voxel_layout`].
+/// The group of [`voxel_layout`], for light if there is a sky.
 pub fn voxel_group(
     buffers: &VoxelBuffers,
-    radiance: bool,
+    sky: Option<&SkyBindings>,
     device: &RenderDevice,
     cache: &PipelineCache,
 ) -> BindGroup {
     let mut bound = vec![
-        &buffers.uniform,
-        &buffers.bricks,
-        &buffers.coverage,
-        &buffers.surface,
+        buffers.uniform.as_entire_binding(),
+        buffers.bricks.as_entire_binding(),
+        buffers.coverage.as_entire_binding(),
+        buffers.surface.as_entire_binding(),
     ];
-    if radiance {
-        bound.push(&buffers.radiance);
+    let mut traced = Traced::Occlusion;
+    if let Some(sky) = sky {
+        traced = Traced::Light {
+            sky_map: sky.map.is_some(),
+        };
+        bound.push(buffers.radiance.as_entire_binding());
+        bound.push(sky.uniform.as_entire_binding());
+        if let Some((view, sampler)) = &sky.map {
+            bound.push(BindingResource::TextureView(view));
+            bound.push(BindingResource::Sampler(sampler));
+        }
     }
     let entries: Vec<BindGroupEntry> = bound
         .into_iter()
         .enumerate()
-        .map(|(binding, buffer)| BindGroupEntry {
+        .map(|(binding, resource)| BindGroupEntry {
             binding: binding as u32,
-            resource: buffer.as_entire_binding(),
+            resource,
         })
         .collect();
     device.create_bind_group(
         "akari_voxel_gi_voxels",
-        &cache.get_bind_group_layout(&voxel_layout(radiance)),
+        &cache.get_bind_group_layout(&voxel_layout(traced)),
         &entries,
     )
 }
 
-/// The definitions of the shaders that trace voxels, for their radiance or only for what is in the way; `plain_cones` as in
-/// the settings.
-pub fn trace_definitions(radiance: bool, plain_cones: bool) -> Vec<ShaderDefVal> {
+/// The definitions of the shaders that trace voxels; `plain_cones` as in the settings.
+pub fn trace_definitions(traced: Traced, plain_cones: bool) -> Vec<ShaderDefVal> {
     let mut definitions = vec![ShaderDefVal::UInt("VOXEL_GROUP".into(), VOXEL_GROUP)];
-    if radiance {
+    if let Traced::Light { sky_map } = traced {
         definitions.push("TRACE_RADIANCE".into());
+        if sky_map {
+            definitions.push("SKY_MAP".into());
+        }
     }
     if plain_cones {
         definitions.push("PLAIN_CONES".into());
@@ -227,13 +264,19 @@ fn gather_layout() -> BindGroupLayoutDescriptor {
 }
 
 impl VoxelLighting {
-    fn new(key: StoreKey, plain_cones: bool, cache: &PipelineCache, assets: &AssetServer) -> Self {
+    fn new(
+        key: StoreKey,
+        plain_cones: bool,
+        sky_map: bool,
+        cache: &PipelineCache,
+        assets: &AssetServer,
+    ) -> Self {
         let queue =
-            |label: &'static str, shader, group, mut shader_defs: Vec<ShaderDefVal>, radiance| {
-                shader_defs.extend(trace_definitions(radiance, plain_cones));
+            |label: &'static str, shader, group, mut shader_defs: Vec<ShaderDefVal>, traced| {
+                shader_defs.extend(trace_definitions(traced, plain_cones));
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(label.into()),
-                    layout: vec![group, voxel_layout(radiance)],
+                    layout: vec![group, voxel_layout(traced)],
                     shader,
                     shader_defs,
                     ..default()
@@ -242,12 +285,14 @@ impl VoxelLighting {
         Self {
             key,
             plain_cones,
+            sky_map,
+            surroundings: default(),
             inject: queue(
                 INJECT_LABEL,
                 load_embedded_asset!(assets, "inject.wgsl"),
                 inject_layout(key),
                 key.definitions(),
-                false,
+                Traced::Occlusion,
             ),
             gather: key.feedback.then(|| {
                 queue(
@@ -255,7 +300,7 @@ impl VoxelLighting {
                     load_embedded_asset!(assets, "gather.wgsl"),
                     gather_layout(),
                     Vec::new(),
-                    true,
+                    Traced::Light { sky_map },
                 )
             }),
             uniform: UniformBuffer::default(),
@@ -287,6 +332,7 @@ pub fn prepare_lighting(
     assets: Res<AssetServer>,
     readback: Res<CounterReadback>,
     ledger: Res<GpuLedger>,
+    (interiors, images): (Res<VoxelInteriors>, Res<RenderAssets<GpuImage>>),
 ) {
     let (Some(view), Some(buffers)) = (&scene.view, buffers) else {
         if lighting.is_some() {
@@ -295,11 +341,13 @@ pub fn prepare_lighting(
         return;
     };
     let plain_cones = view.settings.plain_cones;
+    let sky_map = has_map(&view.sky, &images);
     let fits = |lighting: &ResMut<VoxelLighting>| {
-        (lighting.key, lighting.plain_cones) == (buffers.key, plain_cones)
+        (lighting.key, lighting.plain_cones, lighting.sky_map)
+            == (buffers.key, plain_cones, sky_map)
     };
     let Some(mut lighting) = lighting.filter(fits) else {
-        let fresh = VoxelLighting::new(buffers.key, plain_cones, &cache, &assets);
+        let fresh = VoxelLighting::new(buffers.key, plain_cones, sky_map, &cache, &assets);
         commands.insert_resource(fresh);
         return;
     };
@@ -316,14 +364,17 @@ pub fn prepare_lighting(
     // While a place that was not known before is filled, each frame is another one.
     if buffers.arriving {
         lighting.rounds.begin();
-    } else if *lighting.lights.get() != vectors {
+    } else if *lighting.lights.get() != vectors
+        || lighting.surroundings.0 != view.sky
+        || lighting.surroundings.1 != interiors.0
+    {
         lighting.rounds.change();
     }
+    lighting.surroundings = (view.sky, interiors.0.clone());
     ledger.set_bytes(EFFECT, "lights", 16 * vectors.len() as u64);
     lighting.lights.set(vectors);
     lighting.lights.write_buffer(&device, &queue);
     lighting.uniform.set(GpuVoxelLighting {
-        sky: Vec3::ZERO,
         light_count,
         frame: lighting.frame,
         cones: settings.gather_cones.max(1),
@@ -335,8 +386,6 @@ pub fn prepare_lighting(
         cursor: lighting.rounds.cursor,
         span: lighting.rounds.span,
         pad_a: 0,
-        pad_b: 0,
-        pad_c: 0,
     });
     lighting.uniform.write_buffer(&device, &queue);
     let (Some(uniform), Some(light_list)) = (lighting.uniform.binding(), lighting.lights.binding())
@@ -363,7 +412,7 @@ pub fn prepare_lighting(
             &cache.get_bind_group_layout(&inject_layout(buffers.key)),
             &inject,
         ),
-        inject_voxels: voxel_group(&buffers, false, &device, &cache),
+        inject_voxels: voxel_group(&buffers, None, &device, &cache),
         gather: buffers.irradiance.as_ref().map(|irradiance| {
             let group = device.create_bind_group(
                 GATHER_LABEL,
@@ -375,7 +424,14 @@ pub fn prepare_lighting(
                     entry(6, buffers.pool.as_entire_binding()),
                 ],
             );
-            (group, voxel_group(&buffers, true, &device, &cache))
+            let sky = SkyBindings::new(
+                &view.sky,
+                &interiors,
+                buffers.clipmap.camera(),
+                &images,
+                &device,
+            );
+            (group, voxel_group(&buffers, Some(&sky), &device, &cache))
         }),
         pages: buffers.pages,
         pool: buffers.pool.clone(),

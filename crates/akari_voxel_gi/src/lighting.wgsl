@@ -8,8 +8,6 @@
 
 // As `GpuVoxelLighting`.
 struct VoxelLighting {
-    // Radiance of whatever is seen beside all voxels, nits.
-    sky: vec3<f32>,
     // Lights in `lights`.
     light_count: u32,
     // Counts up with each frame.
@@ -30,8 +28,6 @@ struct VoxelLighting {
     cursor: u32,
     span: u32,
     pad_a: u32,
-    pad_b: u32,
-    pad_c: u32,
 }
 
 @group(0) @binding(0) var<uniform> lighting: VoxelLighting;

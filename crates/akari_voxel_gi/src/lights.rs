@@ -42,8 +42,6 @@ pub struct VoxelLights {
 /// What lights the voxels, field by field as `VoxelLighting` in `lighting.wgsl`.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
 pub struct GpuVoxelLighting {
-    /// Radiance of what is seen beside all voxels, nits.
-    pub sky: Vec3,
     /// Number of lights.
     pub light_count: u32,
     /// Counts up with each frame.
@@ -66,10 +64,6 @@ pub struct GpuVoxelLighting {
     pub span: u32,
     /// Padding.
     pub pad_a: u32,
-    /// Padding.
-    pub pad_b: u32,
-    /// Padding.
-    pub pad_c: u32,
 }
 
 /// Vectors of a light.

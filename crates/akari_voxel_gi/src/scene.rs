@@ -3,11 +3,12 @@
 use crate::EFFECT;
 use crate::geometry::{Bounds, MeshGeometry};
 use crate::settings::VoxelGi;
+use crate::sky::Sky;
 use crate::surfaces::{Elsewhere, MeshSurface, is_voxelized, mesh_surface};
 use akari_render::emission::{MirrorsLight, ShinesAsAreaLight};
 use akari_render::prelude::*;
 use bevy::ecs::query::QueryItem;
-use bevy::light::NotShadowCaster;
+use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight, NotShadowCaster};
 use bevy::math::{Affine3A, DVec3, Vec3A};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::platform::collections::{HashMap, HashSet};
@@ -86,6 +87,8 @@ pub struct SceneView {
     pub camera: DVec3,
     /// Its settings.
     pub settings: VoxelGi,
+    /// What shines from beside all voxels.
+    pub sky: Sky,
 }
 
 /// All meshes that voxels hold. Empty while the effect is idle.
@@ -207,12 +210,22 @@ fn changed_asset<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
     }
 }
 
+type CameraQuery = (
+    Entity,
+    &'static Camera,
+    &'static GlobalTransform,
+    &'static VoxelGi,
+    Option<&'static EnvironmentMapLight>,
+    Option<&'static AmbientLight>,
+);
+
 /// Keeps [`VoxelScene`] up to date.
 pub fn extract_scene(
     mut scene: ResMut<VoxelScene>,
     main: MainScene,
     mut events: MainEvents,
-    cameras: Extract<Query<(Entity, &Camera, &GlobalTransform, &VoxelGi), With<Camera3d>>>,
+    cameras: Extract<Query<CameraQuery, With<Camera3d>>>,
+    ambient: Extract<Option<Res<GlobalAmbientLight>>>,
     report: Extract<Res<EffectReport>>,
 ) {
     let gone: Vec<Entity> = (events.removed_meshes.read())
@@ -229,9 +242,10 @@ pub fn extract_scene(
         .iter()
         .filter(|(_, camera, ..)| camera.is_active && report.is_active(EFFECT))
         .min_by_key(|(entity, camera, ..)| (camera.order, *entity))
-        .map(|(_, _, transform, settings)| SceneView {
+        .map(|(_, _, transform, settings, map, own)| SceneView {
             camera: transform.translation().as_dvec3(),
             settings: *settings,
+            sky: Sky::new(map, own, ambient.as_deref()),
         });
     let Some(view) = view else {
         if scene.view.is_some() {

@@ -2,9 +2,11 @@
 //! constants and layouts. Needs no GPU: Bevy runs without a renderer, and its shader cache is given naga alone.
 
 use akari_gpu_test::{layout_fault, u32_constants};
+use akari_voxel_gi::cones::GpuCones;
 use akari_voxel_gi::lights::GpuVoxelLighting;
+use akari_voxel_gi::sky::{GpuVoxelInterior, GpuVoxelSurroundings, MOST_INTERIORS};
 use akari_voxel_gi::types::*;
-use bevy::math::{IVec3, Vec3};
+use bevy::math::{IVec3, UVec2, Vec3};
 use bevy::render::render_resource::ShaderType;
 use std::path::Path;
 
@@ -14,12 +16,14 @@ mod shader_composer;
 use shader_composer::{Composer, Entry, choices, list_faults};
 
 const TYPES: &str = include_str!("../src/types.wgsl");
+const SKY: &str = include_str!("../src/sky.wgsl");
 
 /// Modules of this crate that the entry shaders import.
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
     ("store.wgsl", include_str!("../src/store.wgsl")),
     ("trace.wgsl", include_str!("../src/trace.wgsl")),
+    ("sky.wgsl", SKY),
     ("records.wgsl", include_str!("../src/records.wgsl")),
     ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
     ("lighting.wgsl", include_str!("../src/lighting.wgsl")),
@@ -62,6 +66,7 @@ fn gather() -> Entry {
         definitions: choices(&[
             LIT_GROUP,
             &[&["TRACE_RADIANCE", "FEEDBACK"]],
+            &[&[], &["SKY_MAP"]],
             &[&[], &["PLAIN_CONES"]],
         ]),
     }
@@ -97,6 +102,7 @@ fn cones() -> Entry {
             &[&[], &["STORED_LOBES"]],
             &[&[], &["WANG_LOBES"]],
             &[&[], &["SPECULAR"]],
+            &[&[], &["SKY_MAP"]],
             &[&[], &["PLAIN_CONES"]],
         ]),
     }
@@ -401,7 +407,6 @@ fn struct_of(source: &str, name: &str) -> String {
 fn the_uniform_of_the_lighting_has_one_layout() {
     const LIGHTING: &str = include_str!("../src/lighting.wgsl");
     let lighting = GpuVoxelLighting {
-        sky: x(1.0),
         light_count: 2,
         frame: 3,
         cones: 4,
@@ -413,11 +418,8 @@ fn the_uniform_of_the_lighting_has_one_layout() {
         cursor: 10,
         span: 11,
         pad_a: 12,
-        pad_b: 13,
-        pad_c: 14,
     };
     let fields = [
-        ("sky", bits(1.0)),
         ("light_count", 2),
         ("frame", 3),
         ("cones", 4),
@@ -429,8 +431,6 @@ fn the_uniform_of_the_lighting_has_one_layout() {
         ("cursor", 10),
         ("span", 11),
         ("pad_a", 12),
-        ("pad_b", 13),
-        ("pad_c", 14),
     ];
     let source = struct_of(LIGHTING, "VoxelLighting");
     assert_eq!(fault(&source, "VoxelLighting", &lighting, &fields), None);
@@ -441,6 +441,92 @@ fn the_uniform_of_the_lighting_has_one_layout() {
     );
     assert_ne!(swapped, source);
     assert!(fault(&swapped, "VoxelLighting", &lighting, &fields).is_some());
+}
+
+#[test]
+fn the_uniform_of_the_cones_has_one_layout() {
+    const CONES: &str = include_str!("../src/cones.wgsl");
+    let cones = GpuCones {
+        size: UVec2::new(1, 2),
+        scale: 3,
+        frame: 4,
+        eye: x(5.0),
+        cones: 6,
+        specular_cones: 7,
+        aperture: 8.0,
+        reach: 9.0,
+        pad_a: 10,
+    };
+    let fields = [
+        ("size", 1),
+        ("scale", 3),
+        ("frame", 4),
+        ("eye", bits(5.0)),
+        ("cones", 6),
+        ("specular_cones", 7),
+        ("aperture", bits(8.0)),
+        ("reach", bits(9.0)),
+        ("pad_a", 10),
+    ];
+    let source = struct_of(CONES, "Cones");
+    assert_eq!(fault(&source, "Cones", &cones, &fields), None);
+    let swapped = source.replacen(
+        "    aperture: f32,\n    reach: f32,",
+        "    reach: f32,\n    aperture: f32,",
+        1,
+    );
+    assert_ne!(swapped, source);
+    assert!(fault(&swapped, "Cones", &cones, &fields).is_some());
+}
+
+#[test]
+fn the_uniform_of_the_surroundings_has_one_layout() {
+    let mut surroundings = GpuVoxelSurroundings {
+        ambient: x(1.0),
+        intensity: 2.0,
+        rotation: x(3.0).extend(0.0),
+        last_level: 4.0,
+        interior_count: 5,
+        pad_a: 6,
+        pad_b: 7,
+        ..Default::default()
+    };
+    surroundings.interiors[0].x_row.x = 8.0;
+    let fields = [
+        ("ambient", bits(1.0)),
+        ("intensity", bits(2.0)),
+        ("rotation", bits(3.0)),
+        ("last_level", bits(4.0)),
+        ("interior_count", 5),
+        ("pad_a", 6),
+        ("pad_b", 7),
+        ("interiors", bits(8.0)),
+    ];
+    let interior = struct_of(SKY, "VoxelInterior");
+    let source = interior.clone() + &struct_of(SKY, "VoxelSurroundings");
+    let check = |source: &str| fault(source, "VoxelSurroundings", &surroundings, &fields);
+    assert_eq!(check(&source), None);
+    let swapped = source.replacen(
+        "    last_level: f32,\n    interior_count: u32,",
+        "    interior_count: u32,\n    last_level: f32,",
+        1,
+    );
+    assert_ne!(swapped, source);
+    assert!(check(&swapped).is_some());
+    // The number of interiors is written twice.
+    assert!(SKY.contains(&format!("array<VoxelInterior, {MOST_INTERIORS}>")));
+    assert!(SKY.contains(&format!("MOST_INTERIORS: u32 = {MOST_INTERIORS}u")));
+    let row = GpuVoxelInterior {
+        x_row: x(1.0).extend(0.0),
+        y_row: x(2.0).extend(0.0),
+        z_row: x(3.0).extend(0.0),
+    };
+    let fields = [
+        ("x_row", bits(1.0)),
+        ("y_row", bits(2.0)),
+        ("z_row", bits(3.0)),
+    ];
+    assert_eq!(fault(&interior, "VoxelInterior", &row, &fields), None);
 }
 
 #[test]

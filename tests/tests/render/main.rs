@@ -6,6 +6,7 @@ mod clusters;
 mod demand;
 mod denoise;
 mod elision;
+mod environment;
 mod hard_cases;
 mod indirect;
 mod indirect_quality;

@@ -12,6 +12,8 @@ pub const CONE_ENERGY: f32 = 0.393_469_34;
 /// Largest tangent of a cone's half aperture, that of 60°: beyond it a plane across the cone is no measure of its
 /// width.
 pub const MAX_CONE_TANGENT: f32 = 1.732_050_8;
+/// Smallest component of a ray's direction that leads out of a box.
+const MIN_STEP: f32 = 1e-30;
 /// Below it, the series of the logarithm is exact to 1e-8.
 const SMALL_SHARE: f32 = 0.1;
 /// A coverage above it lets nothing through: half a step of the packed format below 1.
@@ -52,6 +54,38 @@ pub fn cone_tangent(height: f32) -> f32 {
         return MAX_CONE_TANGENT;
     }
     sine / cosine.max(TINY)
+}
+
+/// Perceptual roughness of the GGX lobe, seen along its normal, that is as wide as a cone of this tangent of the half
+/// aperture, 0 to [`MAX_CONE_TANGENT`]: which level of a map that is filtered by roughness a cone looks up.
+///
+/// A cone holds [`CONE_ENERGY`] of a lobe of sharpness `λ = 1 / (2 (1 − cos θ))`, and GGX reflects along the normal into a
+/// lobe of `λ = 1 / (2 α²)` (Wang et al. 2009, "All-Frequency Rendering of Dynamic, Spatially-Varying Reflectance", eqs. 4
+/// and 22): `α² = 1 − cos θ`, and the roughness is `√α`. `1 − cos θ = t² / (√(1+t²) (1 + √(1+t²)))`, without cancellation.
+/// Relative error below 1e-6; 0 for 0.
+#[must_use]
+pub fn cone_roughness(tangent: f32) -> f32 {
+    let square = tangent * tangent;
+    let root = (1.0 + square).sqrt();
+    (square / (root * (1.0 + root))).sqrt().sqrt()
+}
+
+/// How far a ray goes within the cube of edge 1 about the origin, in lengths of `direction` (which need not be 1); −1 if it
+/// does not start within. At most 10³⁰. Of a box: origin and direction through the inverse of its transform.
+#[must_use]
+pub fn box_exit(origin: Vec3, direction: Vec3) -> f32 {
+    let size = origin.abs();
+    if size.x.max(size.y).max(size.z) > 0.5 {
+        return -1.0;
+    }
+    let side = Vec3::new(
+        if direction.x < 0.0 { -1.0 } else { 1.0 },
+        if direction.y < 0.0 { -1.0 } else { 1.0 },
+        if direction.z < 0.0 { -1.0 } else { 1.0 },
+    );
+    let room = Vec3::splat(0.5) - side * origin;
+    let exits = room / direction.abs().max(Vec3::splat(MIN_STEP));
+    exits.x.min(exits.y).min(exits.z)
 }
 
 /// Part of the light that passes a stretch of a voxel, of the coverage of the three faces that it meets and the

@@ -9,6 +9,8 @@ const TWO_PI: f32 = 6.2831853;
 const CONE_ENERGY: f32 = 0.39346934;
 // Largest tangent of a cone's half aperture, that of 60 degrees.
 const MAX_CONE_TANGENT: f32 = 1.7320508;
+// Smallest component of a ray's direction that leads out of a box.
+const MIN_STEP: f32 = 1e-30;
 // Below it, the series of the logarithm is exact to 1e-8.
 const SMALL_SHARE: f32 = 0.1;
 // A coverage above it lets nothing through.
@@ -41,6 +43,25 @@ fn cone_tangent(height: f32) -> f32 {
         return MAX_CONE_TANGENT;
     }
     return sine / max(cosine, TINY);
+}
+
+// Perceptual roughness of the lobe that is as wide as a cone.
+fn cone_roughness(tangent: f32) -> f32 {
+    let square = tangent * tangent;
+    let root = sqrt(1.0 + square);
+    return sqrt(sqrt(square / (root * (1.0 + root))));
+}
+
+// How far a ray goes within the cube of edge 1 about the origin; -1 if it does not start within.
+fn box_exit(origin: vec3<f32>, direction: vec3<f32>) -> f32 {
+    let size = abs(origin);
+    if max(max(size.x, size.y), size.z) > 0.5 {
+        return -1.0;
+    }
+    let side = select(vec3<f32>(1.0), vec3<f32>(-1.0), direction < vec3<f32>(0.0));
+    let room = vec3<f32>(0.5) - side * origin;
+    let exits = room / max(abs(direction), vec3<f32>(MIN_STEP));
+    return min(min(exits.x, exits.y), exits.z);
 }
 
 // Part of the light that passes a stretch of a voxel.

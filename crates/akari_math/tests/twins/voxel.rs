@@ -317,6 +317,42 @@ fn cones() -> Vec<Case> {
         },
         Case {
             module: CONE,
+            functions: &["cone_roughness", "box_exit"],
+            imports: "",
+            body: "y(0u, cone_roughness(x(0u))); y(1u, box_exit(x_vec3(1u), x_vec3(4u)));",
+            inputs: 7,
+            outputs: 2,
+            twin: |x, y| y.extend([cone::cone_roughness(x[0]), cone::box_exit(vec3(x, 1), vec3(x, 4))]),
+            oracle: Some(|x, y| {
+                let cosine = (1.0 + x[0] * x[0]).sqrt().recip();
+                // 1 - cos = sin² / (1 + cos).
+                let sine_squared = x[0] * x[0] * cosine * cosine;
+                y.push((sine_squared / (1.0 + cosine)).powf(0.25));
+                let inside = (0..3).all(|i| x[1 + i].abs() <= 0.5);
+                let exits = (0..3).map(|i| (0.5 * x[4 + i].signum() - x[1 + i]) / x[4 + i]);
+                y.push(if inside { exits.fold(f64::INFINITY, f64::min) } else { -1.0 });
+            }),
+            domains: vec![
+                domain("within a box, or beside it", rows(913, 300, |r, row| {
+                    row.push(r.range(0.0, 1.732_050_8));
+                    row.extend((0..3).map(|_| r.range(-0.55, 0.55)));
+                    let direction = r.direction();
+                    // One that is almost along a side leaves farther away than an absolute error can tell.
+                    row.extend(direction.to_array().map(|c| if c.abs() < 0.05 { 0.05 } else { c }));
+                }), absolute(1e-5), absolute(2e-5)),
+                domain("narrow cones, corners and axes", vec![
+                    0.0, 0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 1e-6, 0.0, 0.0, 0.0, 1.0, 1e-20, 1e-20, 1e-3, -0.5, 0.0, 0.2, -0.5, 1.0, 2.0,
+                ], absolute(1e-5), absolute(1e-5)),
+            ],
+            mutations: vec![
+                mutation(CONE, "sqrt(sqrt(square / (root * (1.0 + root))))", "sqrt(square / (root * (1.0 + root)))"),
+                mutation(CONE, "root * (1.0 + root)", "1.0 + root"),
+                mutation(CONE, "max(max(size.x, size.y), size.z) > 0.5", "max(size.x, size.y) > 0.5"),
+                mutation(CONE, "vec3<f32>(-1.0), direction < vec3<f32>(0.0)", "vec3<f32>(1.0), direction < vec3<f32>(0.0)"),
+            ],
+        },
+        Case {
+            module: CONE,
             functions: &["crossing_transmittance"],
             imports: "",
             body: "y(0u, crossing_transmittance(x_vec3(0u), x_vec3(3u)));",

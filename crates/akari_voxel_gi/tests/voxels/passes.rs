@@ -8,6 +8,8 @@ use akari_math::voxel::schedule::WHOLE_TURN;
 /// Words of a record of irradiance, as `IRRADIANCE_STRIDE`.
 const STRIDE: usize = 7;
 const UNKNOWN: u32 = u32::MAX;
+/// Words of `VoxelSurroundings`.
+const SURROUNDINGS: usize = 12 + 16 * 12;
 
 /// Modules of the crate, as their sources are, after those of `akari_math`.
 pub fn modules() -> Vec<(&'static str, &'static str)> {
@@ -21,6 +23,7 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             "akari_voxel_gi::trace",
             include_str!("../../src/trace.wgsl"),
         ),
+        ("akari_voxel_gi::sky", include_str!("../../src/sky.wgsl")),
         (
             "akari_voxel_gi::records",
             include_str!("../../src/records.wgsl"),
@@ -53,6 +56,7 @@ pub struct Lit<'a> {
     irradiance: Words,
     radiance: Words,
     lighting: Words,
+    surroundings: Words,
     pool: Words,
     pages: u32,
     plain: bool,
@@ -135,7 +139,8 @@ impl<'a> Lit<'a> {
             irradiance: Words::new(gpu, &irradiance),
             pool: Words::new(gpu, &[0; 8]),
             radiance: Words::new(gpu, &vec![0; elements]),
-            lighting: Words::new(gpu, &[0; 16]),
+            lighting: Words::new(gpu, &[0; 12]),
+            surroundings: Words::new(gpu, &[0; SURROUNDINGS]),
             pages: voxels.owners.len() as u32,
             plain,
             frame: 0,
@@ -156,15 +161,29 @@ impl<'a> Lit<'a> {
             ((1, 2), &self.coverage),
             ((1, 3), &self.surface),
             ((1, 4), &self.radiance),
+            ((1, 5), &self.surroundings),
         ]
+    }
+
+    /// What shines from beside all voxels, nits, and boxes that it does not reach: low and high corners from the anchor.
+    pub fn surround(&mut self, ambient: f32, interiors: &[[[f32; 3]; 2]]) {
+        let mut words = vec![0.0_f32.to_bits(); SURROUNDINGS];
+        words[..3].fill(ambient.to_bits());
+        words[9] = interiors.len() as u32;
+        for (i, [low, high]) in interiors.iter().enumerate() {
+            for axis in 0..3 {
+                let row = 12 + 12 * i + 4 * axis;
+                let size = high[axis] - low[axis];
+                words[row + axis] = size.recip().to_bits();
+                words[row + 3] = (-0.5 * (low[axis] + high[axis]) / size).to_bits();
+            }
+        }
+        self.surroundings.write(self.gpu, &words);
     }
 
     /// One frame: what leaves the voxels, then what they gather of it.
     pub fn frame(&mut self, settings: Settings) {
         let words = [
-            0,
-            0,
-            0,
             self.light_count,
             self.frame,
             settings.cones,
@@ -175,8 +194,6 @@ impl<'a> Lit<'a> {
             settings.most_visits,
             0,
             WHOLE_TURN,
-            0,
-            0,
             0,
         ];
         self.lighting.write(self.gpu, &words);
@@ -219,7 +236,7 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&results) { return; }
     let a = points[2u * id.x];
     let b = points[2u * id.x + 1u];
-    let light = gather_diffuse(a.xyz, b.xyz, u32(a.w), b.w, 1e6, vec3(0.0), id.xy, frame.x);
+    let light = gather_diffuse(a.xyz, b.xyz, u32(a.w), b.w, 1e6, id.xy, frame.x);
     results[id.x] = vec4(light.irradiance.x, light.irradiance.y, light.open, light.distance);
 }";
         let modules = modules();

@@ -1,0 +1,293 @@
+//! Light from beside all voxels: environment maps and ambient light, and the interiors that it does not reach.
+
+use crate::EFFECT;
+use crate::buffers::encoded;
+use akari_render::prelude::*;
+use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight};
+use bevy::math::{Affine3A, DMat3, DVec3};
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::RenderDevice;
+use bevy::render::texture::GpuImage;
+
+/// Most interiors that count; beyond it those nearest to the camera do.
+pub const MOST_INTERIORS: usize = 16;
+
+/// A box that no sky shines into and that no light leaves: what is within gathers light of what is within, and the sky is
+/// cut off. Direct light of lamps, and of the sun through a window, comes in as ever.
+///
+/// The box is the cube of edge 1 about the entity's origin, as its [`Transform`] places, turns and scales it. It should end
+/// within the walls of a room: then light does not leak through them however thin they are, and the sky that a camera in
+/// the room cannot see does not shine in where the clipmap ends. Boxes that overlap are one room. At most
+/// [`MOST_INTERIORS`], those nearest to the camera.
+#[derive(Component, Debug, Default, Clone, Copy, Reflect)]
+#[reflect(Component, Default, Debug, Clone)]
+#[require(Transform)]
+pub struct VoxelGiInterior;
+
+/// What a camera sees beside all voxels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sky {
+    /// Radiance from everywhere, nits.
+    pub ambient: Vec3,
+    /// The environment map.
+    pub map: Option<SkyMap>,
+}
+
+/// An environment map that shines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SkyMap {
+    /// Cube map whose levels are filtered for roughness 0 to 1.
+    pub image: AssetId<Image>,
+    /// Nits per unit.
+    pub intensity: f32,
+    /// Of the map in the world.
+    pub rotation: Quat,
+}
+
+impl Sky {
+    /// The sky of a camera: Bevy's ambient light is that of a sky of one radiance, and what the camera has goes before what
+    /// is there for all.
+    pub fn new(
+        map: Option<&EnvironmentMapLight>,
+        ambient: Option<&AmbientLight>,
+        global: Option<&GlobalAmbientLight>,
+    ) -> Self {
+        let (color, brightness) = match (ambient, global) {
+            (Some(own), _) => (own.color, own.brightness),
+            (None, Some(global)) => (global.color, global.brightness),
+            (None, None) => (Color::BLACK, 0.0),
+        };
+        let ambient = LinearRgba::from(color).to_vec3() * brightness;
+        Self {
+            ambient: if ambient.is_finite() {
+                ambient.max(Vec3::ZERO)
+            } else {
+                Vec3::ZERO
+            },
+            map: map
+                .filter(|map| map.intensity > 0.0 && map.intensity.is_finite())
+                .map(|map| SkyMap {
+                    image: map.specular_map.id(),
+                    intensity: map.intensity,
+                    rotation: if map.rotation.is_finite() && map.rotation.length_squared() > 0.0 {
+                        map.rotation.normalize()
+                    } else {
+                        Quat::IDENTITY
+                    },
+                }),
+        }
+    }
+
+    /// Whether it shines at all.
+    pub fn shines(&self) -> bool {
+        self.ambient.max_element() > 0.0 || self.map.is_some()
+    }
+}
+
+/// The interiors of the scene, those nearest to the camera first. Empty while the effect is idle.
+#[derive(Resource, Debug, Default, PartialEq)]
+pub struct VoxelInteriors(pub Vec<Affine3A>);
+
+/// Field by field as `VoxelInterior` in `sky.wgsl`.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuVoxelInterior {
+    /// Row of the transform from positions relative to the anchor into the box.
+    pub x_row: Vec4,
+    /// Row of it.
+    pub y_row: Vec4,
+    /// Row of it.
+    pub z_row: Vec4,
+}
+
+/// Field by field as `VoxelSurroundings` in `sky.wgsl`.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuVoxelSurroundings {
+    /// Radiance from everywhere, nits.
+    pub ambient: Vec3,
+    /// Nits per unit of the map.
+    pub intensity: f32,
+    /// Quaternion that turns directions of the world into those of the map.
+    pub rotation: Vec4,
+    /// Level of the map that is filtered for a roughness of 1.
+    pub last_level: f32,
+    /// Interiors that count.
+    pub interior_count: u32,
+    /// Padding.
+    pub pad_a: u32,
+    /// Padding.
+    pub pad_b: u32,
+    /// The interiors.
+    pub interiors: [GpuVoxelInterior; MOST_INTERIORS],
+}
+
+/// Takes the interiors to the render world.
+pub fn extract_interiors(
+    mut target: ResMut<VoxelInteriors>,
+    interiors: Extract<Query<&GlobalTransform, With<VoxelGiInterior>>>,
+    cameras: Extract<Query<&GlobalTransform, With<crate::settings::VoxelGi>>>,
+    report: Extract<Res<EffectReport>>,
+    mut warned: Local<bool>,
+) {
+    let mut found: Vec<Affine3A> = if report.is_active(EFFECT) {
+        interiors.iter().map(GlobalTransform::affine).collect()
+    } else {
+        Vec::new()
+    };
+    // A box without a volume holds nothing.
+    found.retain(|affine| affine.is_finite() && affine.matrix3.determinant() != 0.0);
+    if found.len() > MOST_INTERIORS {
+        if !std::mem::replace(&mut *warned, true) {
+            warn!(
+                "voxel GI: {} interiors, of which the {MOST_INTERIORS} nearest to the camera count",
+                found.len()
+            );
+        }
+        let eye = cameras
+            .iter()
+            .next()
+            .map_or(Vec3::ZERO, GlobalTransform::translation);
+        found.sort_by(|a, b| {
+            let distance = |affine: &Affine3A| Vec3::from(affine.translation).distance_squared(eye);
+            distance(a).total_cmp(&distance(b))
+        });
+        found.truncate(MOST_INTERIORS);
+    }
+    if target.0 != found {
+        target.0 = found;
+    }
+}
+
+/// An interior relative to the anchor.
+fn gpu_interior(interior: &Affine3A, anchor: DVec3) -> GpuVoxelInterior {
+    let [x, y, z] = [
+        interior.matrix3.x_axis,
+        interior.matrix3.y_axis,
+        interior.matrix3.z_axis,
+    ]
+    .map(|axis| Vec3::from(axis).as_dvec3());
+    let inverse = DMat3::from_cols(x, y, z).inverse();
+    let shift = inverse * (anchor - Vec3::from(interior.translation).as_dvec3());
+    let rows = inverse.transpose();
+    let row = |axis: DVec3, shift: f64| axis.extend(shift).as_vec4();
+    GpuVoxelInterior {
+        x_row: row(rows.x_axis, shift.x),
+        y_row: row(rows.y_axis, shift.y),
+        z_row: row(rows.z_axis, shift.z),
+    }
+}
+
+/// What shaders bind of the sky, beside the voxels.
+pub struct SkyBindings {
+    /// `GpuVoxelSurroundings`.
+    pub uniform: Buffer,
+    /// The map, once it is loaded.
+    pub map: Option<(TextureView, Sampler)>,
+}
+
+impl SkyBindings {
+    /// For one camera's sky.
+    pub fn new(
+        sky: &Sky,
+        interiors: &VoxelInteriors,
+        anchor: DVec3,
+        images: &RenderAssets<GpuImage>,
+        device: &RenderDevice,
+    ) -> Self {
+        let map = loaded(sky, images);
+        let mut surroundings = GpuVoxelSurroundings {
+            ambient: sky.ambient,
+            rotation: Quat::IDENTITY.into(),
+            interior_count: interiors.0.len().min(MOST_INTERIORS) as u32,
+            ..default()
+        };
+        for (target, interior) in surroundings.interiors.iter_mut().zip(&interiors.0) {
+            *target = gpu_interior(interior, anchor);
+        }
+        if let (Some((_, image)), Some(map)) = (&map, &sky.map) {
+            surroundings.intensity = map.intensity;
+            surroundings.rotation = map.rotation.inverse().into();
+            let levels = image.texture_descriptor.mip_level_count;
+            surroundings.last_level = levels.saturating_sub(1) as f32;
+        }
+        Self {
+            uniform: device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some("akari_voxel_gi_surroundings"),
+                contents: &encoded(&surroundings),
+                usage: BufferUsages::UNIFORM,
+            }),
+            map: map.map(|(_, image)| (image.texture_view.clone(), image.sampler.clone())),
+        }
+    }
+}
+
+/// The sky's map, if it is loaded and one that a cone can look into.
+fn loaded<'a>(
+    sky: &Sky,
+    images: &'a RenderAssets<GpuImage>,
+) -> Option<(AssetId<Image>, &'a GpuImage)> {
+    let id = sky.map?.image;
+    let image = images.get(id)?;
+    let shape = image.texture_view_descriptor.as_ref()?.dimension;
+    (shape == Some(TextureViewDimension::Cube)).then_some((id, image))
+}
+
+/// Whether the sky has a map that can be bound: shaders are defined by it.
+pub fn has_map(sky: &Sky, images: &RenderAssets<GpuImage>) -> bool {
+    loaded(sky, images).is_some()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_is_the_same_however_far_from_the_origin() {
+        let turn = Quat::from_rotation_y(0.7);
+        let place = Vec3::new(1000.0, 5.0, -30.0);
+        let interior =
+            Affine3A::from_scale_rotation_translation(Vec3::new(4.0, 2.0, 6.0), turn, place);
+        let anchor = DVec3::new(999.0, 4.5, -31.0);
+        let gpu = gpu_interior(&interior, anchor);
+        // A corner of the box.
+        let corner = (turn * Vec3::new(2.0, 1.0, -3.0) + place).as_dvec3() - anchor;
+        let at = corner.as_vec3().extend(1.0);
+        let local = Vec3::new(gpu.x_row.dot(at), gpu.y_row.dot(at), gpu.z_row.dot(at));
+        assert!(
+            (local - Vec3::new(0.5, 0.5, -0.5)).length() < 1e-4,
+            "{local}"
+        );
+    }
+
+    #[test]
+    fn a_camera_s_own_ambient_light_goes_before_that_of_all() {
+        let global = GlobalAmbientLight {
+            brightness: 80.0,
+            ..default()
+        };
+        let own = AmbientLight {
+            brightness: 5.0,
+            ..default()
+        };
+        assert_eq!(
+            Sky::new(None, None, Some(&global)).ambient,
+            Vec3::splat(80.0)
+        );
+        assert_eq!(
+            Sky::new(None, Some(&own), Some(&global)).ambient,
+            Vec3::splat(5.0)
+        );
+        let broken = AmbientLight {
+            brightness: f32::NAN,
+            ..default()
+        };
+        assert!(!Sky::new(None, Some(&broken), None).shines());
+        let dark = EnvironmentMapLight {
+            intensity: 0.0,
+            ..default()
+        };
+        assert!(!Sky::new(Some(&dark), None, None).shines());
+    }
+}

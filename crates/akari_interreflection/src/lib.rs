@@ -24,7 +24,7 @@
 //!
 //! **Cost**: nothing without a reflector, a light, and a camera with [`AkariCamera`](akari_render::camera::AkariCamera): no
 //! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with what the clusters cannot say in
-//! rectangles, times lights where they are glossy; `docs/error_time.md` has it.
+//! rectangles, times lights where they are glossy; the bench `interreflection` prints it.
 //!
 //! **With voxel GI**: where another effect gathers all bounces
 //! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and

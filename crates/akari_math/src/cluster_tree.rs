@@ -174,7 +174,7 @@ fn fit(all: &[ClusterTriangle], order: &[u32]) -> ClusterNode {
         rim: NO_FIT,
         ..ClusterNode::default()
     };
-    if normal == Vec3::ZERO || !(turn <= MOST_TURN) {
+    if normal == Vec3::ZERO || turn.is_nan() || turn > MOST_TURN {
         return rough;
     }
     let (x, y) = normal.any_orthonormal_pair();

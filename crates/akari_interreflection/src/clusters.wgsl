@@ -38,7 +38,10 @@ fn view_cluster(cluster: Cluster, offset: vec3<f32>) -> ClusterView {
     seen.clearance = max(abs(seen.height) - cluster.deviation, 0.0);
     seen.nearest = max(distance - cluster.radius, seen.clearance);
     seen.lateral = length(offset + cluster.normal * seen.height) + cluster.radius;
-    seen.solid_angle = min(cluster.area / max(seen.nearest * seen.nearest, MIN_SQUARED), TWO_PI);
+    // At grazing angles that is little: the cosine at a triangle is its plane's distance over that of the point.
+    let off_plane = abs(seen.height) + cluster.deviation + cluster.turn * seen.farthest;
+    let cosine = min(off_plane / max(seen.nearest, TINY), 1.0);
+    seen.solid_angle = min(cosine * cluster.area / max(seen.nearest * seen.nearest, MIN_SQUARED), TWO_PI);
     return seen;
 }
 

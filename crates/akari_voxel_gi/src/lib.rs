@@ -19,10 +19,10 @@
 //! no pass and no pipeline for that. [`VoxelGi::plain_cones`](settings::VoxelGi::plain_cones) traces isotropic cones as
 //! commonly done, for comparison. `docs/error_time.md` has the error against paths over the time of a frame.
 //!
-//! **Sky**: the camera's [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight) and ambient light shine where cones leave
+//! **Sky**: the camera's [`EnvironmentMapLight`] and ambient light shine where cones leave
 //! the voxels, so that what is in the way shades them; the voxels are lit by the sky of the camera that the clipmap
-//! follows. Bevy's own, which nothing shades, is left out of such a camera's deferred lighting, and its light probes
-//! are. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room.
+//! follows. Bevy's own, which nothing shades, is left out of such a camera's deferred lighting, as are its light
+//! probes. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room.
 //!
 //! **Limits**: metals bounce diffusely in voxels, so that they throw no caustics. Without
 //! [`VoxelGi::feedback`](settings::VoxelGi::feedback) the sky lights pixels, but bounces off nothing. Beyond the last cascade

@@ -75,7 +75,8 @@ fn measures_once_and_continues_where_it_was_stopped() {
     assert_eq!(ladders[0].effect, "area_lights");
     let cost = read("out/cost.md");
     assert!(cost.contains("`area_lights` on `floor_light`"), "{cost}");
-    assert!(cost.matches("\n| ").count() > 2, "{cost}");
+    // Its heading, and at least one setting: how many are on the front is for the clock to say.
+    assert!(cost.matches("\n| ").count() >= 2, "{cost}");
 
     // A part that is there is not measured again; one that is broken is.
     let part = place.file("out/parts/area_lights-floor_light.json");

@@ -4,14 +4,11 @@ use crate::EFFECT;
 use crate::light::PolygonLight;
 use crate::prepare::ViewAreaLights;
 use crate::types::COUNTER_NAMES;
-use akari_render::ledger::CollectCounters;
+use akari_render::ledger::{CollectCounters, read_back_words};
 use akari_render::prelude::*;
 use bevy::light::RectLight;
 use bevy::material::OpaqueRendererMethod;
 use bevy::prelude::*;
-use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
-};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 /// Census entry: rectangular and polygonal lights that are not hidden.
@@ -141,29 +138,11 @@ pub fn collect_counters(
         return;
     }
     for view in &views {
-        let size = view.counters.size();
-        let staging: Buffer = device.create_buffer(&BufferDescriptor {
-            label: Some("akari_area_light_counters_staging"),
-            size,
-            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
-            label: Some("akari_area_light_collect_counters"),
-        });
-        encoder.copy_buffer_to_buffer(&view.counters, 0, &staging, 0, size);
-        queue.submit([encoder.finish()]);
         let ledger = ledger.clone();
-        let mapped = staging.clone();
-        staging.slice(..).map_async(MapMode::Read, move |result| {
-            if result.is_ok() {
-                let bytes = mapped.slice(..).get_mapped_range();
-                for (name, count) in COUNTER_NAMES
-                    .iter()
-                    .zip(bytemuck::cast_slice::<u8, u32>(&bytes))
-                {
-                    ledger.set_counter(name, u64::from(*count));
-                }
+        let words = (0, COUNTER_NAMES.len());
+        read_back_words(&view.counters, words, &device, &queue, move |counts| {
+            for (name, count) in COUNTER_NAMES.iter().zip(counts) {
+                ledger.set_counter(name, u64::from(*count));
             }
         });
     }

@@ -5,7 +5,7 @@
 #import akari_math::ggx::ReflectionLobe
 #import akari_math::reprojection::{plane_disocclusion, virtual_hit_point, virtual_motion_weight}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
-#import akari_denoise::signal::load_guide
+#import akari_denoise::signal::{listed_pixel, load_guide}
 #import akari_denoise::types::{
     DenoiseView, PIXELS_PER_WORD, Remembered, dither, frames_pack, frames_word, remembered_unpack,
 }
@@ -354,18 +354,20 @@ const INVOCATIONS: u32 = 64u;
 var<workgroup> packed: array<u32, INVOCATIONS>;
 
 @compute @workgroup_size(8, 8, 1)
-fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+fn accumulate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let work = listed_pixel(group, invocation);
+    let inside = work.listed && all(work.texel < denoise.size);
     var frames = 0.0;
-    if all(id.xy < denoise.size) {
-        frames = accumulate_pixel(vec2<i32>(id.xy));
+    if inside {
+        frames = accumulate_pixel(vec2<i32>(work.texel));
     }
     packed[invocation] = frames_pack(frames);
     workgroupBarrier();
-    if id.x % PIXELS_PER_WORD == 0u && all(id.xy < denoise.size) {
+    if work.texel.x % PIXELS_PER_WORD == 0u && inside {
         var word = 0u;
         for (var i = 0u; i < PIXELS_PER_WORD; i++) {
             word |= packed[invocation + i] << (8u * i);
         }
-        supports[frames_word(id.xy, denoise.size)] = word;
+        supports[frames_word(work.texel, denoise.size)] = word;
     }
 }

@@ -105,6 +105,7 @@ pub fn prepare_input_signals(
             specular,
             diffuse,
             hit_distance,
+            glossy_only: false,
             scale: input.scale.pixels(),
             frame: input.frame,
             reset: input.reset,

@@ -10,7 +10,7 @@
 #import akari_math::lobe_weight::combined_weight
 #import akari_math::noise_estimate::{limited_change, residual_pack, residual_unpack}
 #import akari_math::signal_packing::{MAX_RADIANCE, radiance_unpack}
-#import akari_denoise::signal::{demodulation, load_guide}
+#import akari_denoise::signal::{demodulation, listed_pixel, load_guide}
 #import akari_denoise::types::{DenoiseStage, DenoiseView}
 #ifdef EXACT_SIGNAL
 #import akari_denoise::upsample::demodulated
@@ -100,11 +100,12 @@ fn filter_last(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
 }
 #else
 @compute @workgroup_size(8, 8, 1)
-fn filter_stage(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= denoise.size) {
+fn filter_stage(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let work = listed_pixel(group, invocation);
+    if !work.listed || any(work.texel >= denoise.size) {
         return;
     }
-    let pixel = vec2<i32>(id.xy);
+    let pixel = vec2<i32>(work.texel);
     let guide = load_guide(pixel);
     var packed = 0u;
     if guide.valid {

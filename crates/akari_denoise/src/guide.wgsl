@@ -4,7 +4,7 @@
 #import akari_math::noise_estimate::{change_limit_squared, noise_cap}
 #import akari_math::signal_packing::{radiance_pack, radiance_unpack}
 #import akari_denoise::likeness::guide_log_weight
-#import akari_denoise::signal::load_guide
+#import akari_denoise::signal::{has_signal, listed_pixel, load_guide}
 #import akari_denoise::types::{DenoiseView, guide_pack, luminance, noise_unpack}
 #import akari_lobes::guides::Guide
 
@@ -65,7 +65,7 @@ fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> Settled {
     var count = 0.0;
     for (var i = 0; i < 18; i++) {
         let neighbor = pixel + WIDE_STEP * (1 + i / 9) * ring(i % 9);
-        if i % 9 == 4 || is_outside(neighbor) {
+        if i % 9 == 4 || is_outside(neighbor) || !has_signal(neighbor) {
             continue;
         }
         let found = noise_unpack(textureLoad(noise, neighbor, 0).r);
@@ -80,11 +80,12 @@ fn settled_noise(pixel: vec2<i32>, guide: Guide, level: f32) -> Settled {
 }
 
 @compute @workgroup_size(8, 8, 1)
-fn prefilter(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= denoise.size) {
+fn prefilter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let work = listed_pixel(group, invocation);
+    if !work.listed || any(work.texel >= denoise.size) {
         return;
     }
-    let pixel = vec2<i32>(id.xy);
+    let pixel = vec2<i32>(work.texel);
     let guide = load_guide(pixel);
     var color = vec3(0.0);
     var variance = 0.0;

@@ -3,7 +3,7 @@
 #import akari_math::lobe_weight::combined_weight
 #import akari_math::noise_estimate::{Coherence, coherence_share, residual_unpack}
 #import akari_denoise::likeness::guide_log_weight
-#import akari_denoise::signal::load_guide
+#import akari_denoise::signal::{listed_pixel, load_guide}
 #import akari_denoise::types::{DenoiseView, noise_pack}
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
@@ -88,19 +88,20 @@ fn load_tile_pixel(pixel: vec2<i32>, slot: u32) {
 
 @compute @workgroup_size(8, 8, 1)
 fn noise_variance(
-    @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) invocation: u32,
 ) {
-    let corner = vec2<i32>(group.xy) * GROUP - RADIUS;
+    // The invocations of a workgroup have the pixels of one tile, or none of them has one.
+    let work = listed_pixel(group, invocation);
+    let corner = vec2<i32>(work.texel) / GROUP * GROUP - RADIUS;
     for (var slot = invocation; slot < TILE_PIXELS; slot += INVOCATIONS) {
         load_tile_pixel(corner + vec2<i32>(i32(slot) % TILE, i32(slot) / TILE), slot);
     }
     workgroupBarrier();
-    if any(id.xy >= denoise.size) {
+    if !work.listed || any(work.texel >= denoise.size) {
         return;
     }
-    let pixel = vec2<i32>(id.xy);
+    let pixel = vec2<i32>(work.texel);
     let guide = load_guide(pixel);
     var packed = 0u;
     if guide.valid {

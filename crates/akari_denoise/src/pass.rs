@@ -4,6 +4,7 @@ use crate::prepare::{PreparedPass, ViewDenoisePasses, Work};
 use crate::types::WORKGROUP;
 use akari_render::guides::ViewGuides;
 use akari_render::ledger::GpuLedger;
+use akari_render::tiles::ViewTiles;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -30,7 +31,7 @@ pub fn denoise_accumulate(
     mut ctx: RenderContext,
 ) {
     let (passes, guides, offset, target, camera) = view.into_inner();
-    let Some(guide_group) = ready(passes, guides, &cache) else {
+    let Some((guide_group, tiles)) = ready(passes, guides, &cache) else {
         return;
     };
     for buffer in &passes.cleared {
@@ -39,6 +40,7 @@ pub fn denoise_accumulate(
     let frame = Frame {
         size: passes.size,
         guides: guide_group,
+        tiles,
         view_offset: offset.offset,
         target,
         camera,
@@ -56,12 +58,13 @@ pub fn denoise_filter(
     mut ctx: RenderContext,
 ) {
     let (passes, guides, offset, target, camera) = view.into_inner();
-    let Some(guide_group) = ready(passes, guides, &cache) else {
+    let Some((guide_group, tiles)) = ready(passes, guides, &cache) else {
         return;
     };
     let frame = Frame {
         size: passes.size,
         guides: guide_group,
+        tiles,
         view_offset: offset.offset,
         target,
         camera,
@@ -71,26 +74,28 @@ pub fn denoise_filter(
     }
 }
 
-/// The guides' group, once every pipeline of the view is compiled: all of the passes run, or none.
+/// The guides' group and tiles, once every pipeline of the view is compiled: all of the passes run, or none.
 fn ready<'a>(
     passes: &ViewDenoisePasses,
     guides: &'a ViewGuides,
     cache: &PipelineCache,
-) -> Option<&'a BindGroup> {
+) -> Option<(&'a BindGroup, &'a ViewTiles)> {
     let compiled = |pass: &PreparedPass| match &pass.work {
-        Work::Pixels(id) | Work::Single(id) | Work::Listed(id, _) => {
+        Work::Pixels(id) | Work::Tiles(id, _) | Work::Single(id) | Work::Listed(id, _) => {
             cache.get_compute_pipeline(*id).is_some()
         }
         Work::Draw(id, _) => cache.get_render_pipeline(*id).is_some(),
     };
     let all = passes.accumulate.iter().chain(&passes.filter).all(compiled);
-    guides.group.as_ref().filter(|_| all)
+    let ready = (guides.group.as_ref()?, guides.tiles.as_ref()?);
+    all.then_some(ready)
 }
 
 /// What all passes of a view share.
 struct Frame<'a> {
     size: UVec2,
     guides: &'a BindGroup,
+    tiles: &'a ViewTiles,
     view_offset: u32,
     target: &'a ViewTarget,
     camera: &'a ExtractedCamera,
@@ -120,9 +125,10 @@ impl Frame<'_> {
                 };
                 self.draw(prepared, *pipeline, color, image.is_none(), cache, ctx)
             }
-            Work::Pixels(pipeline) | Work::Single(pipeline) | Work::Listed(pipeline, _) => {
-                self.dispatch(prepared, *pipeline, cache, ctx)
-            }
+            Work::Pixels(pipeline)
+            | Work::Tiles(pipeline, _)
+            | Work::Single(pipeline)
+            | Work::Listed(pipeline, _) => self.dispatch(prepared, *pipeline, cache, ctx),
         };
         if done {
             let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
@@ -131,7 +137,9 @@ impl Frame<'_> {
                     ledger.count_dispatch(prepared.label, [groups.x, groups.y, 1]);
                 }
                 Work::Single(_) => ledger.count_dispatch(prepared.label, [1; 3]),
-                Work::Draw(..) | Work::Listed(..) => ledger.count_pass(prepared.label),
+                Work::Draw(..) | Work::Tiles(..) | Work::Listed(..) => {
+                    ledger.count_pass(prepared.label);
+                }
             }
         }
     }
@@ -162,11 +170,13 @@ impl Frame<'_> {
             } else {
                 pass.set_bind_group(0, self.guides, &[self.view_offset]);
                 pass.set_bind_group(1, &prepared.group, &[]);
-                if let Work::Listed(_, arguments) = &prepared.work {
-                    pass.dispatch_workgroups_indirect(arguments, 0);
-                } else {
-                    let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
-                    pass.dispatch_workgroups(groups.x, groups.y, 1);
+                match &prepared.work {
+                    Work::Listed(_, arguments) => pass.dispatch_workgroups_indirect(arguments, 0),
+                    Work::Tiles(_, kind) => self.tiles.dispatch(&mut pass, *kind, 1),
+                    _ => {
+                        let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+                        pass.dispatch_workgroups(groups.x, groups.y, 1);
+                    }
                 }
             }
         }

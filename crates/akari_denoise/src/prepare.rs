@@ -13,6 +13,7 @@ use akari_render::capture::{LIGHT_FORMAT, Light, ViewCapture};
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use akari_render::signals::{ResampleList, ViewSignals};
+use akari_render::tiles::TileKind;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::math::{DMat3, DMat4, DVec3, IVec2};
@@ -45,6 +46,8 @@ pub struct PreparedPass {
 pub enum Work {
     /// One invocation a pixel.
     Pixels(CachedComputePipelineId),
+    /// One invocation a pixel of the tiles of a kind.
+    Tiles(CachedComputePipelineId, TileKind),
     /// A single workgroup that binds no guides.
     Single(CachedComputePipelineId),
     /// One invocation a listed pixel.
@@ -442,8 +445,39 @@ impl<'a> Planner<'a> {
         if signal.is_some_and(|signal| signal.index == 1) {
             defs.push("DIFFUSE_SIGNAL".into());
         }
+        if self.signals.glossy_only {
+            defs.push("GLOSSY_ONLY".into());
+        }
+        if signal.is_some_and(|signal| self.tiles_of(signal) == TileKind::Glossy) {
+            defs.push("GLOSSY_SIGNAL".into());
+        }
         defs.extend(more.iter().map(|def| ShaderDefVal::from(*def)));
         defs
+    }
+
+    /// The tiles that have any of a signal.
+    fn tiles_of(&self, signal: Signal) -> TileKind {
+        if self.signals.glossy_only && signal.index == 0 {
+            TileKind::Glossy
+        } else {
+            TileKind::Surface
+        }
+    }
+
+    /// A pass over the tiles of a signal.
+    fn over_tiles(
+        &mut self,
+        pass: Pass,
+        signal: Signal,
+        shader_defs: Vec<ShaderDefVal>,
+        bindings: &Bindings,
+    ) -> PreparedPass {
+        let kind = self.tiles_of(signal);
+        let mut prepared = self.compute(pass, shader_defs, bindings);
+        if let Work::Pixels(pipeline) = prepared.work {
+            prepared.work = Work::Tiles(pipeline, kind);
+        }
+        prepared
     }
 
     fn compute(
@@ -509,7 +543,7 @@ impl<'a> Planner<'a> {
             bindings = bindings.read_write(8, &list.pixels);
         }
         let defs = self.defs(Some(signal), &defs);
-        self.compute(Pass::Accumulate, defs, &bindings)
+        self.over_tiles(Pass::Accumulate, signal, defs, &bindings)
     }
 
     fn resample_arguments(&mut self, list: &'a crate::targets::ListBuffers) -> PreparedPass {
@@ -593,7 +627,7 @@ impl<'a> Planner<'a> {
                 .uint(1, estimate)
                 .write(2, workspace, REMEMBERED_FORMAT);
             let defs = self.defs(Some(signal), &[]);
-            passes.push(self.compute(Pass::Residual, defs, &bindings));
+            passes.push(self.over_tiles(Pass::Residual, signal, defs, &bindings));
             let bindings = Bindings::new(Pass::Noise.label(), ShaderStages::COMPUTE)
                 .uniform(0, &targets.view)
                 .uint(1, workspace)
@@ -604,7 +638,7 @@ impl<'a> Planner<'a> {
                 &[]
             };
             let defs = self.defs(Some(signal), narrow);
-            passes.push(self.compute(Pass::Noise, defs, &bindings));
+            passes.push(self.over_tiles(Pass::Noise, signal, defs, &bindings));
         }
         if targets.shape.guide {
             let bindings = Bindings::new(Pass::Guide.label(), ShaderStages::COMPUTE)
@@ -613,7 +647,7 @@ impl<'a> Planner<'a> {
                 .uint(2, other)
                 .write(3, workspace, REMEMBERED_FORMAT);
             let defs = self.defs(Some(signal), &method);
-            passes.push(self.compute(Pass::Guide, defs, &bindings));
+            passes.push(self.over_tiles(Pass::Guide, signal, defs, &bindings));
         }
         let mut intermediates: Vec<&TextureView> = Vec::new();
         if targets.estimates[signal.index].len() == 2 {
@@ -675,7 +709,7 @@ impl<'a> Planner<'a> {
             let target = intermediates[index as usize % intermediates.len()];
             bindings = bindings.write(4, target, WORD_FORMAT);
             let defs = self.defs(Some(signal), &defs);
-            passes.push(self.compute(pass, defs, &bindings));
+            passes.push(self.over_tiles(pass, signal, defs, &bindings));
             changes = Some(target);
         }
     }

@@ -1,6 +1,6 @@
 // Keeps of each pixel what the next frame has to compare it with.
 
-#import akari_denoise::types::{DenoiseView, frames_bit, frames_word, remembered_pack}
+#import akari_denoise::types::{DenoiseView, NO_SIGNAL, frames_bit, frames_word, remembered_pack}
 #import akari_lobes::guides::{load_surface_guide, view}
 #import akari_render::gbuffer::rotate_to_view
 
@@ -23,7 +23,11 @@ fn remember(@builtin(global_invocation_id) id: vec3<u32>) {
         let place = frames_word(id.xy, denoise.size);
         let words = vec2(specular_supports[place], diffuse_supports[place]);
         let present = vec2((denoise.signals & 1u) != 0u, (denoise.signals & 2u) != 0u);
-        let frames = select(vec2(0u), (words >> vec2(frames_bit(id.xy))) & vec2(0xffu), present);
+        var frames = select(vec2(0u), (words >> vec2(frames_bit(id.xy))) & vec2(0xffu), present);
+#ifdef GLOSSY_ONLY
+        // No pass has written there.
+        frames.x = select(NO_SIGNAL, frames.x, guide.glossy);
+#endif
         kept = remembered_pack(depth, frames, guide.normal_ws, guide.perceptual_roughness);
     }
     textureStore(remembered, pixel, vec4(kept, 0u, 0u));

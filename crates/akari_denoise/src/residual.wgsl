@@ -5,7 +5,7 @@
 #import akari_math::noise_estimate::{prediction_error_scale, residual_pack}
 #import akari_math::signal_packing::radiance_unpack
 #import akari_denoise::likeness::guide_log_weight
-#import akari_denoise::signal::load_guide
+#import akari_denoise::signal::{listed_pixel, load_guide}
 #import akari_denoise::types::DenoiseView
 
 @group(1) @binding(0) var<uniform> denoise: DenoiseView;
@@ -19,11 +19,12 @@ const SIGMA: f32 = 1.0;
 const LEAST_WEIGHT: f32 = 1e-3;
 
 @compute @workgroup_size(8, 8, 1)
-fn residual(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= denoise.size) {
+fn residual(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let work = listed_pixel(group, invocation);
+    if !work.listed || any(work.texel >= denoise.size) {
         return;
     }
-    let pixel = vec2<i32>(id.xy);
+    let pixel = vec2<i32>(work.texel);
     let last = vec2<i32>(denoise.size) - 1;
     let guide = load_guide(pixel);
     var packed = 0u;

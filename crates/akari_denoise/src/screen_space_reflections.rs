@@ -185,6 +185,7 @@ fn prepare_splits(
                 specular: Some(textures.signal.clone()),
                 diffuse: None,
                 hit_distance: None,
+                glossy_only: false,
                 scale: 1,
                 frame: 0,
                 reset: split.reset,

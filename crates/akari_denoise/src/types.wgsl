@@ -36,13 +36,16 @@ struct DenoiseStage {
     cursor: vec2<f32>,
 }
 
-// How many frames' worth of samples an estimate rests on, in 8 bits: quarters, up to 63.75. Four pixels of a row share a
+// How many frames' worth of samples an estimate rests on, in 8 bits: quarters, up to 63.5. Four pixels of a row share a
 // word of a signal's buffer, the leftmost in the lowest byte.
 const FRAME_STEPS: f32 = 4.0;
+const MOST_FRAME_STEPS: f32 = 254.0;
+// Instead of frames: the surface has none of the signal.
+const NO_SIGNAL: u32 = 255u;
 const PIXELS_PER_WORD: u32 = 4u;
 
 fn frames_pack(frames: f32) -> u32 {
-    return u32(clamp(frames * FRAME_STEPS + 0.5, 0.0, 255.0));
+    return u32(clamp(frames * FRAME_STEPS + 0.5, 0.0, MOST_FRAME_STEPS));
 }
 
 // The lowest byte of a word.
@@ -61,7 +64,7 @@ fn frames_bit(pixel: vec2<u32>) -> u32 {
 
 // What the next frame compares a pixel with: 64 bits.
 struct Remembered {
-    // Distance along the view axis; 0 where there was no surface.
+    // Distance along the view axis; 0 where there was no surface, or none with the signal.
     depth: f32,
     // Frames' worth of samples of this pass's signal.
     history: f32,
@@ -89,9 +92,10 @@ fn remembered_unpack(words: vec2<u32>) -> Remembered {
 #else
     let frames = (words.x >> 16u) & 0xffu;
 #endif
+    let present = frames != NO_SIGNAL;
     return Remembered(
-        half_unpack(words.x & 0xffffu),
-        frames_unpack(frames),
+        select(0.0, half_unpack(words.x & 0xffffu), present),
+        select(0.0, frames_unpack(frames), present),
         octahedral_decode(square),
         f32(words.y >> 24u) / ROUGHNESS_STEPS,
     );

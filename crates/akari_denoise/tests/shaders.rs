@@ -35,6 +35,10 @@ const BORROWED: &[(&str, &str)] = &[
         include_str!("../../akari_lobes/src/guides.wgsl"),
     ),
     (
+        "tiles.wgsl",
+        include_str!("../../akari_lobes/src/tiles.wgsl"),
+    ),
+    (
         "gbuffer.wgsl",
         include_str!("../../akari_render/src/gbuffer.wgsl"),
     ),
@@ -46,8 +50,13 @@ type Sets = &'static [&'static [&'static str]];
 const SOURCE: Sets = &[&[], &["EXTERNAL_GUIDES"]];
 const LOBES: Sets = &[&[], &["STORED_LOBES"]];
 const MODEL: Sets = &[&[], &["WANG_LOBES"]];
-/// Specular, diffuse.
-const SIGNAL: Sets = &[&[], &["DIFFUSE_SIGNAL"]];
+/// Specular, diffuse; and the same of a producer whose specular signal is that of glossy surfaces.
+const SIGNAL: Sets = &[
+    &[],
+    &["DIFFUSE_SIGNAL"],
+    &["GLOSSY_ONLY", "GLOSSY_SIGNAL"],
+    &["DIFFUSE_SIGNAL", "GLOSSY_ONLY"],
+];
 /// Method of the filter.
 const METHOD: Sets = &[
     &["METHOD_GUIDED", "LOBE_WEIGHT"],
@@ -123,7 +132,8 @@ fn merge() -> Entry {
 
 fn remember() -> Entry {
     let source = include_str!("../src/remember.wgsl");
-    entry("remember.wgsl", source, "remember", &[])
+    let glossy: Sets = &[&[], &["GLOSSY_ONLY"]];
+    entry("remember.wgsl", source, "remember", &[glossy])
 }
 
 fn residual() -> Entry {

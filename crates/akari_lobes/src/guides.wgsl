@@ -34,6 +34,8 @@ const MIN_N_DOT_V: f32 = 1e-4;
 const MIN_DEMODULATION: f32 = 0.01;
 // 1 / sharpness of the lobe of a clamped cosine (sharpness 2.133, Wang et al. 2009).
 const DIFFUSE_INVERSE_SHARPNESS: f32 = 0.46882325;
+// Perceptual roughness from which a dielectric's reflection is as wide as a diffuse one, and counts as that.
+const ROUGH: f32 = 0.95;
 
 struct Guide {
     // Whether there is a lit surface at all.
@@ -43,6 +45,8 @@ struct Guide {
     view_ws: vec3<f32>,
     normal_ws: vec3<f32>,
     perceptual_roughness: f32,
+    // Whether it reflects more sharply than a diffuse surface.
+    glossy: bool,
     // Axis and 1 / sharpness of the lobe that the signal is reflected by.
     axis: vec3<f32>,
     inverse_sharpness: f32,
@@ -64,7 +68,7 @@ fn anisotropic_lobe(guide: Guide) -> AnisotropicLobe {
 }
 
 fn no_guide() -> Guide {
-    return Guide(false, vec3(0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), 1.0, vec3(0.0, 0.0, 1.0), DIFFUSE_INVERSE_SHARPNESS);
+    return Guide(false, vec3(0.0), vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), 1.0, false, vec3(0.0, 0.0, 1.0), DIFFUSE_INVERSE_SHARPNESS);
 }
 
 // The surface at a pixel, without its lobe.
@@ -79,6 +83,8 @@ fn load_surface_guide(pixel: vec2<i32>) -> Guide {
         guide.view_ws = -normalize(position.xyz);
         guide.normal_ws = normal_roughness.xyz;
         guide.perceptual_roughness = normal_roughness.w;
+        // Nothing is known of its material.
+        guide.glossy = true;
     }
 #else
     let depth = textureLoad(depth_texture, pixel, 0);
@@ -90,6 +96,8 @@ fn load_surface_guide(pixel: vec2<i32>) -> Guide {
         guide.view_ws = view_direction(view, guide.position_rel);
         guide.normal_ws = surface.normal_ws;
         guide.perceptual_roughness = surface.perceptual_roughness;
+        guide.glossy = surface.metallic > 0.0
+            || (surface.reflectance > 0.0 && surface.perceptual_roughness < ROUGH);
     }
 #endif
     return guide;
@@ -117,27 +125,43 @@ fn load_diffuse_guide(pixel: vec2<i32>) -> Guide {
     return guide;
 }
 
-// What the specular signal is divided by: the share of light that the lobe reflects.
-fn specular_demodulation(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
+// Share of light that the lobe reflects.
+fn specular_albedo(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
 #ifdef EXTERNAL_GUIDES
-    return max(textureLoad(albedo_texture, pixel, 0).rgb, vec3(MIN_DEMODULATION));
+    return textureLoad(albedo_texture, pixel, 0).rgb;
 #else
     let surface = unpack_surface(textureLoad(gbuffer_texture, pixel, 0));
     let reflectance = surface_reflectance(surface.base_color, surface.metallic, surface.reflectance);
     let n_dot_v = clamp(dot(guide.normal_ws, guide.view_ws), MIN_N_DOT_V, 1.0);
-    let albedo = ggx_directional_albedo(
+    return ggx_directional_albedo(
         reflectance.normal_reflectance, reflectance.grazing_reflectance, guide.perceptual_roughness, n_dot_v,
     );
-    return max(albedo, vec3(MIN_DEMODULATION));
 #endif
 }
 
-// What the diffuse signal is divided by.
-fn diffuse_demodulation(pixel: vec2<i32>) -> vec3<f32> {
+// Share of light that is reflected diffusely.
+fn diffuse_albedo(pixel: vec2<i32>) -> vec3<f32> {
 #ifdef EXTERNAL_GUIDES
-    return max(textureLoad(albedo_texture, pixel, 0).rgb, vec3(MIN_DEMODULATION));
+    return textureLoad(albedo_texture, pixel, 0).rgb;
 #else
     let surface = unpack_surface(textureLoad(gbuffer_texture, pixel, 0));
-    return max(surface_reflectance(surface.base_color, surface.metallic, surface.reflectance).diffuse_color, vec3(MIN_DEMODULATION));
+    return surface_reflectance(surface.base_color, surface.metallic, surface.reflectance).diffuse_color;
 #endif
+}
+
+// The same where what is not glossy counts as diffuse: `ViewSignals::glossy_only`.
+fn matte_albedo(pixel: vec2<i32>, guide: Guide) -> vec3<f32> {
+    var albedo = diffuse_albedo(pixel);
+#ifndef EXTERNAL_GUIDES
+    // A directional albedo is never quite 0, that of what has no reflection is.
+    if !guide.glossy && unpack_surface(textureLoad(gbuffer_texture, pixel, 0)).reflectance > 0.0 {
+        albedo += specular_albedo(pixel, guide);
+    }
+#endif
+    return albedo;
+}
+
+// What a signal is divided by before it is filtered, and multiplied by after: its albedo, where that is enough.
+fn demodulation_of(albedo: vec3<f32>) -> vec3<f32> {
+    return max(albedo, vec3(MIN_DEMODULATION));
 }

@@ -10,8 +10,12 @@
 //! **Inputs**: depth and deferred prepass, or [`ExternalGuides`](akari_render::guides::ExternalGuides). **Output**:
 //! [`ViewGuides`](akari_render::guides::ViewGuides), a bind group that any pass can read through `akari_lobes::guides`.
 //!
+//! Beside them, lists of the tiles of 8 × 8 pixels that hold any surface, and any glossy one: passes that read guides run on
+//! these alone ([`akari_render::tiles`]).
+//!
 //! **Cost**: nothing unless a camera has an effect that reads lobes. Otherwise one compute pass and 8 bytes a pixel, or
-//! neither if lobes are made on the fly ([`SpecularLobes::stored`](settings::SpecularLobes::stored)).
+//! neither if lobes are made on the fly ([`SpecularLobes::stored`](settings::SpecularLobes::stored)); one more, and a
+//! quarter of a byte a pixel, for the lists.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
@@ -57,7 +61,9 @@ impl Plugin for LobesPlugin {
             return;
         }
         load_shader_library!(app, "guides.wgsl");
+        load_shader_library!(app, "tiles.wgsl");
         embedded_asset!(app, "build.wgsl");
+        embedded_asset!(app, "classify.wgsl");
         embedded_asset!(app, "filter_roughness.wgsl");
         embedded_asset!(app, "store_roughness.wgsl");
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
@@ -78,13 +84,18 @@ impl Plugin for LobesPlugin {
                         .in_set(RenderSystems::Prepare),
                     prepare::prepare_lobe_textures.in_set(RenderSystems::PrepareResources),
                     prepare::prepare_lobe_bind_groups.in_set(RenderSystems::PrepareBindGroups),
-                    capture::collect_lobe_captures.in_set(RenderSystems::Cleanup),
+                    (capture::collect_lobe_captures, prepare::collect_tile_counts)
+                        .in_set(RenderSystems::Cleanup),
                 )
                     .in_set(EffectSystems(EFFECT)),
             )
             .add_systems(
                 Core3d,
-                (pass::filter_roughness, pass::build_lobes)
+                (
+                    pass::filter_roughness,
+                    pass::build_lobes,
+                    pass::classify_tiles,
+                )
                     .chain()
                     .in_set(AkariPassSystems::Lobes)
                     .in_set(EffectSystems(EFFECT)),

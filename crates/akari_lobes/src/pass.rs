@@ -1,14 +1,14 @@
 //! The passes: filter the roughness in the G-buffer, then store lobes.
 
-use crate::pipeline::{BUILD_LABEL, FILTER_ROUGHNESS_LABEL, STORE_ROUGHNESS_LABEL};
+use crate::pipeline::{BUILD_LABEL, CLASSIFY_LABEL, FILTER_ROUGHNESS_LABEL, STORE_ROUGHNESS_LABEL};
 use crate::prepare::ViewLobesPasses;
 use akari_render::ledger::GpuLedger;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-    RenderPassDescriptor, StoreOp,
+    BindGroup, CachedComputePipelineId, ComputePassDescriptor, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
 };
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::ViewUniformOffset;
@@ -81,8 +81,50 @@ pub fn build_lobes(
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
 ) {
-    let (passes, view_offset) = view.into_inner();
-    let Some((pipeline, guides, target)) = &passes.build else {
+    let (passes, offset) = view.into_inner();
+    let pass = passes.build.as_ref();
+    over_pixels(
+        BUILD_LABEL,
+        passes.size,
+        pass,
+        offset,
+        &cache,
+        &ledger,
+        &mut ctx,
+    );
+}
+
+/// Sorts the tiles of the view.
+pub fn classify_tiles(
+    view: ViewQuery<(&ViewLobesPasses, &ViewUniformOffset)>,
+    cache: Res<PipelineCache>,
+    ledger: Res<GpuLedger>,
+    mut ctx: RenderContext,
+) {
+    let (passes, offset) = view.into_inner();
+    let pass = passes.classify.as_ref();
+    over_pixels(
+        CLASSIFY_LABEL,
+        passes.size,
+        pass,
+        offset,
+        &cache,
+        &ledger,
+        &mut ctx,
+    );
+}
+
+/// Runs a pipeline that reads guides, on every pixel.
+fn over_pixels(
+    label: &'static str,
+    size: UVec2,
+    pass: Option<&(CachedComputePipelineId, BindGroup, BindGroup)>,
+    view_offset: &ViewUniformOffset,
+    cache: &PipelineCache,
+    ledger: &GpuLedger,
+    ctx: &mut RenderContext,
+) {
+    let Some((pipeline, guides, target)) = pass else {
         return;
     };
     let Some(pipeline) = cache.get_compute_pipeline(*pipeline) else {
@@ -91,19 +133,18 @@ pub fn build_lobes(
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, BUILD_LABEL);
+    let span = diagnostics.time_span(encoder, label);
+    let groups = size.map(|pixels| pixels.div_ceil(WORKGROUP));
     {
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(BUILD_LABEL),
+            label: Some(label),
             timestamp_writes: None,
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, guides, &[view_offset.offset]);
         pass.set_bind_group(1, target, &[]);
-        let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
         pass.dispatch_workgroups(groups.x, groups.y, 1);
     }
     span.end(encoder);
-    let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
-    ledger.count_dispatch(BUILD_LABEL, [groups.x, groups.y, 1]);
+    ledger.count_dispatch(label, [groups.x, groups.y, 1]);
 }

@@ -6,7 +6,8 @@ use bevy::core_pipeline::deferred::DEFERRED_PREPASS_FORMAT;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d,
+    texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::view::ViewUniform;
@@ -15,6 +16,8 @@ use std::num::NonZeroU64;
 
 /// Label of the pass that stores lobes and of its time span.
 pub const BUILD_LABEL: &str = "akari_lobes_build";
+/// Label of the pass that sorts tiles and of its time span.
+pub const CLASSIFY_LABEL: &str = "akari_lobes_classify";
 /// Label of the pass that filters roughness and of its time span.
 pub const FILTER_ROUGHNESS_LABEL: &str = "akari_lobes_filter_roughness";
 /// Label of the pass that puts filtered roughness into the G-buffer, and of its time span.
@@ -38,6 +41,8 @@ pub struct GuideKey {
     pub stored: bool,
     /// The lobe of Wang et al. 2009.
     pub wang: bool,
+    /// With the lists of tiles, `akari_lobes::tiles`.
+    pub tiles: bool,
 }
 
 impl GuideKey {
@@ -60,28 +65,22 @@ impl GuideKey {
         let float = texture_2d(TextureSampleType::Float { filterable: false });
         let uint = texture_2d(TextureSampleType::Uint);
         let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
-        let entries = match (self.external, self.stored) {
-            (false, false) => BindGroupLayoutEntries::with_indices(
-                stages,
-                ((0, view), (1, texture_depth_2d()), (2, uint)),
-            )
-            .to_vec(),
-            (false, true) => BindGroupLayoutEntries::with_indices(
-                stages,
-                ((0, view), (1, texture_depth_2d()), (2, uint), (4, uint)),
-            )
-            .to_vec(),
-            (true, false) => BindGroupLayoutEntries::with_indices(
-                stages,
-                ((0, view), (1, float), (2, float), (3, float)),
-            )
-            .to_vec(),
-            (true, true) => BindGroupLayoutEntries::with_indices(
-                stages,
-                ((0, view), (1, float), (2, float), (3, float), (4, uint)),
-            )
-            .to_vec(),
-        };
+        let mut bound = vec![(0, view)];
+        if self.external {
+            bound.extend([(1, float), (2, float), (3, float)]);
+        } else {
+            bound.extend([(1, texture_depth_2d()), (2, uint)]);
+        }
+        if self.stored {
+            bound.push((4, uint));
+        }
+        if self.tiles {
+            bound.push((5, storage_buffer_read_only_sized(false, None)));
+        }
+        let entries: Vec<BindGroupLayoutEntry> = bound
+            .into_iter()
+            .map(|(binding, entry)| entry.build(binding, stages))
+            .collect();
         BindGroupLayoutDescriptor::new("akari_lobes_guides_layout", &entries)
     }
 }
@@ -91,13 +90,18 @@ impl GuideKey {
 pub struct LobePipelines {
     /// Bind group 1 of the pass that stores lobes.
     pub build_layout: BindGroupLayoutDescriptor,
+    /// Bind group 1 of the pass that sorts tiles.
+    pub classify_layout: BindGroupLayoutDescriptor,
     /// Bind group of the pass that filters roughness.
     pub filter_layout: BindGroupLayoutDescriptor,
     /// Bind group of the pass that puts it into the G-buffer.
     pub store_layout: BindGroupLayoutDescriptor,
     build: HashMap<GuideKey, CachedComputePipelineId>,
+    /// By whether guides come from images.
+    classify: HashMap<bool, CachedComputePipelineId>,
     roughness: Option<(CachedComputePipelineId, CachedRenderPipelineId)>,
     build_shader: Handle<Shader>,
+    classify_shader: Handle<Shader>,
     filter_shader: Handle<Shader>,
     store_shader: Handle<Shader>,
     vertex: VertexState,
@@ -113,6 +117,16 @@ impl LobePipelines {
                 &BindGroupLayoutEntries::single(
                     ShaderStages::COMPUTE,
                     texture_storage_2d(LOBE_FORMAT, StorageTextureAccess::WriteOnly),
+                ),
+            ),
+            classify_layout: BindGroupLayoutDescriptor::new(
+                "akari_lobes_classify_layout",
+                &BindGroupLayoutEntries::sequential(
+                    ShaderStages::COMPUTE,
+                    (
+                        storage_buffer_sized(false, None),
+                        storage_buffer_sized(false, None),
+                    ),
                 ),
             ),
             filter_layout: BindGroupLayoutDescriptor::new(
@@ -132,8 +146,10 @@ impl LobePipelines {
                 &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, uint),
             ),
             build: HashMap::default(),
+            classify: HashMap::default(),
             roughness: None,
             build_shader: load_embedded_asset!(assets, "build.wgsl"),
+            classify_shader: load_embedded_asset!(assets, "classify.wgsl"),
             filter_shader: load_embedded_asset!(assets, "filter_roughness.wgsl"),
             store_shader: load_embedded_asset!(assets, "store_roughness.wgsl"),
             vertex: fullscreen.to_vertex_state(),
@@ -147,6 +163,19 @@ impl LobePipelines {
                 label: Some(BUILD_LABEL.into()),
                 layout: vec![key.layout(), self.build_layout.clone()],
                 shader: self.build_shader.clone(),
+                shader_defs: key.shader_defs(),
+                ..default()
+            })
+        })
+    }
+
+    /// The pipeline that sorts tiles; `key` is that of what it reads, so without stored lobes and tiles.
+    pub fn classify(&mut self, cache: &PipelineCache, key: GuideKey) -> CachedComputePipelineId {
+        *self.classify.entry(key.external).or_insert_with(|| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(CLASSIFY_LABEL.into()),
+                layout: vec![key.layout(), self.classify_layout.clone()],
+                shader: self.classify_shader.clone(),
                 shader_defs: key.shader_defs(),
                 ..default()
             })

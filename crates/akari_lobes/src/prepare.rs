@@ -5,7 +5,9 @@ use crate::extract::ViewLobes;
 use crate::pipeline::{GuideKey, LOBE_FORMAT, LobePipelines, WORD_FORMAT};
 use crate::settings::MAX_ADDED_ROUGHNESS;
 use akari_render::guides::{ExternalGuides, ViewGuides};
+use akari_render::ledger::{CollectCounters, read_back_words};
 use akari_render::prelude::*;
+use akari_render::tiles::{TileKind, ViewTiles, empty_arguments, tile_grid};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::image::ToExtents;
@@ -13,7 +15,7 @@ use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::*;
-use bevy::render::renderer::RenderDevice;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
 use bevy::render::view::ViewUniforms;
 
@@ -25,6 +27,58 @@ pub struct LobeTextures {
     lobes: Option<TextureView>,
     /// Filtered first words of the G-buffer, and the filter's uniform with what it was made from.
     words: Option<(TextureView, Buffer, f32)>,
+    tiles: TileBuffers,
+}
+
+/// What tiles are sorted into.
+struct TileBuffers {
+    /// `Tiles` of `tiles.wgsl`.
+    words: Buffer,
+    arguments: Buffer,
+}
+
+/// Words of `Tiles` before what the tiles hold: the grid, the counts, padding, the pixels.
+const TILE_HEADER_WORDS: usize = 8;
+/// Byte from which on the counts are in it.
+const TILE_COUNTS_OFFSET: u64 = 8;
+
+impl TileBuffers {
+    fn new(size: UVec2, device: &RenderDevice) -> Self {
+        let grid = tile_grid(size);
+        let tiles = u64::from(grid.x) * u64::from(grid.y);
+        let buffer = |label, words: u64, usage| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size: words * u64::from(u32::BITS / 8),
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | usage,
+                mapped_at_creation: false,
+            })
+        };
+        // What each tile holds, and a list of every kind.
+        let words = TILE_HEADER_WORDS as u64 + (1 + TileKind::ALL.len() as u64) * tiles;
+        let arguments = empty_arguments(grid).len() as u64;
+        Self {
+            words: buffer("akari_lobes_tiles", words, BufferUsages::COPY_SRC),
+            arguments: buffer(
+                "akari_lobes_tile_arguments",
+                arguments,
+                BufferUsages::INDIRECT,
+            ),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.words.size() + self.arguments.size()
+    }
+
+    /// No tile is listed.
+    fn clear(&self, size: UVec2, queue: &RenderQueue) {
+        let grid = tile_grid(size);
+        let header: [u32; TILE_HEADER_WORDS] = [grid.x, grid.y, 0, 0, 0, 0, size.x, size.y];
+        queue.write_buffer(&self.words, 0, bytemuck::cast_slice(&header));
+        let arguments = empty_arguments(grid);
+        queue.write_buffer(&self.arguments, 0, bytemuck::cast_slice(&arguments));
+    }
 }
 
 impl LobeTextures {
@@ -41,6 +95,8 @@ pub struct ViewLobesPasses {
     pub size: UVec2,
     /// Storing lobes: pipeline, guides without stored lobes, target.
     pub build: Option<(CachedComputePipelineId, BindGroup, BindGroup)>,
+    /// Sorting tiles: pipeline, guides without stored lobes, target.
+    pub classify: Option<(CachedComputePipelineId, BindGroup, BindGroup)>,
     /// Filtering roughness.
     pub filter: Option<(CachedComputePipelineId, BindGroup)>,
     /// Putting it into the G-buffer.
@@ -79,6 +135,7 @@ pub fn prepare_lobe_textures(
     views: Query<(Entity, &ViewLobes, &ExtractedCamera, Option<&LobeTextures>)>,
     images: Res<RenderAssets<GpuImage>>,
     device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
     ledger: Res<GpuLedger>,
 ) {
     for (entity, view, camera, existing) in &views {
@@ -98,7 +155,9 @@ pub fn prepare_lobe_textures(
                 && held.lobes.is_some() == stored
                 && held.words.as_ref().map(|words| words.2) == filters.then_some(sigma_squared)
         });
-        if !up_to_date {
+        if let (true, Some(held)) = (up_to_date, existing) {
+            held.tiles.clear(size, &queue);
+        } else {
             let texture = |label, format, usage| {
                 device
                     .create_texture(&TextureDescriptor {
@@ -139,9 +198,15 @@ pub fn prepare_lobe_textures(
                 format!("filtered roughness of view {entity}"),
                 if filters { 4 * pixels } else { 0 },
             );
-            commands
-                .entity(entity)
-                .insert(LobeTextures { size, lobes, words });
+            let tiles = TileBuffers::new(size, &device);
+            tiles.clear(size, &queue);
+            ledger.set_bytes(EFFECT, format!("tiles of view {entity}"), tiles.bytes());
+            commands.entity(entity).insert(LobeTextures {
+                size,
+                lobes,
+                words,
+                tiles,
+            });
         }
         // Consumers specialise their pipelines by it; the group follows when all that it binds exists.
         let key = key_of(view);
@@ -149,6 +214,7 @@ pub fn prepare_lobe_textures(
             layout: key.layout(),
             shader_defs: key.shader_defs(),
             group: None,
+            tiles: None,
             size,
         });
     }
@@ -159,6 +225,7 @@ fn key_of(view: &ViewLobes) -> GuideKey {
         external: view.external.is_some(),
         stored: view.settings.stored,
         wang: view.settings.wang,
+        tiles: true,
     }
 }
 
@@ -208,6 +275,12 @@ pub fn prepare_lobe_bind_groups(
                     resource: BindingResource::TextureView(lobes),
                 });
             }
+            if key.tiles {
+                entries.push(BindGroupEntry {
+                    binding: 5,
+                    resource: textures.tiles.words.as_entire_binding(),
+                });
+            }
             device.create_bind_group(
                 "akari_lobes_guides",
                 &cache.get_bind_group_layout(&key.layout()),
@@ -218,11 +291,22 @@ pub fn prepare_lobe_bind_groups(
             size: textures.size,
             ..default()
         };
+        // Passes that make what guides hold do not read it.
+        let source = GuideKey {
+            stored: false,
+            tiles: false,
+            ..key
+        };
+        let target = device.create_bind_group(
+            crate::pipeline::CLASSIFY_LABEL,
+            &cache.get_bind_group_layout(&pipelines.classify_layout),
+            &BindGroupEntries::sequential((
+                textures.tiles.words.as_entire_binding(),
+                textures.tiles.arguments.as_entire_binding(),
+            )),
+        );
+        passes.classify = Some((pipelines.classify(&cache, source), group(source), target));
         if let Some(lobes) = &textures.lobes {
-            let source = GuideKey {
-                stored: false,
-                ..key
-            };
             let target = device.create_bind_group(
                 crate::pipeline::BUILD_LABEL,
                 &cache.get_bind_group_layout(&pipelines.build_layout),
@@ -251,6 +335,9 @@ pub fn prepare_lobe_bind_groups(
             passes.store = Some((store, store_group));
         }
         guides.group = Some(group(key));
+        guides.tiles = Some(ViewTiles {
+            arguments: textures.tiles.arguments.clone(),
+        });
         commands.entity(entity).insert(passes);
     }
 }
@@ -267,4 +354,26 @@ fn external_views<'a>(
     .into_iter()
     .map(|image| Some(&images.get(image)?.texture_view))
     .collect()
+}
+
+/// Hands the numbers of tiles of this frame to the ledger, a frame or two late; of several views, those of the last.
+pub fn collect_tile_counts(
+    collect: Res<CollectCounters>,
+    views: Query<&LobeTextures, With<ViewLobesPasses>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    ledger: Res<GpuLedger>,
+) {
+    if !collect.0 {
+        return;
+    }
+    for view in &views {
+        let ledger = ledger.clone();
+        let words = (TILE_COUNTS_OFFSET, TileKind::ALL.len());
+        read_back_words(&view.tiles.words, words, &device, &queue, move |counts| {
+            for (kind, count) in TileKind::ALL.iter().zip(counts) {
+                ledger.set_counter(kind.counter(), u64::from(*count));
+            }
+        });
+    }
 }

@@ -16,7 +16,8 @@ mod shader_composer;
 use shader_composer::{Composer, Entry, choices, list_faults};
 
 const GUIDES: &str = include_str!("../src/guides.wgsl");
-const LIBRARIES: &[(&str, &str)] = &[("guides.wgsl", GUIDES)];
+const TILES: &str = include_str!("../src/tiles.wgsl");
+const LIBRARIES: &[(&str, &str)] = &[("guides.wgsl", GUIDES), ("tiles.wgsl", TILES)];
 const GBUFFER: (&str, &str) = (
     "gbuffer.wgsl",
     include_str!("../../akari_render/src/gbuffer.wgsl"),
@@ -28,6 +29,16 @@ fn build() -> Entry {
         file: "build.wgsl",
         source: include_str!("../src/build.wgsl"),
         entry_point: "build",
+        definitions: choices(&[&[&[], &["EXTERNAL_GUIDES"]], &[&[], &["WANG_LOBES"]]]),
+    }
+}
+
+/// What sorts tiles reads no lobes.
+fn classify() -> Entry {
+    Entry {
+        file: "classify.wgsl",
+        source: include_str!("../src/classify.wgsl"),
+        entry_point: "classify",
         definitions: choices(&[&[&[], &["EXTERNAL_GUIDES"]], &[&[], &["WANG_LOBES"]]]),
     }
 }
@@ -56,20 +67,27 @@ fn reader() -> Entry {
         file: "reader.wgsl",
         source: "
 #import akari_lobes::guides::{
-    anisotropic_lobe, diffuse_demodulation, load_diffuse_guide, load_specular_guide, specular_demodulation,
+    anisotropic_lobe, demodulation_of, diffuse_albedo, load_diffuse_guide, load_specular_guide, matte_albedo,
+    specular_albedo,
 }
+#import akari_lobes::tiles::{GLOSSY_TILES, HOLDS_GLOSSY, listed_texel, tile_holds}
 
 @group(1) @binding(0) var<storage, read_write> results: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8, 1)
-fn read(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = vec2<i32>(id.xy);
+fn read(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) invocation: u32) {
+    let work = listed_texel(GLOSSY_TILES, 1u, group.xy, invocation);
+    if !work.listed || !tile_holds(work.texel, HOLDS_GLOSSY) {
+        return;
+    }
+    let pixel = vec2<i32>(work.texel);
     let specular = load_specular_guide(pixel);
     let diffuse = load_diffuse_guide(pixel);
     let lobe = anisotropic_lobe(specular);
     results[0] = vec4(specular.axis, specular.inverse_sharpness);
     results[1] = vec4(diffuse.axis, diffuse.inverse_sharpness);
-    results[2] = vec4(specular_demodulation(pixel, specular) * diffuse_demodulation(pixel), lobe.axis.x);
+    results[2] = vec4(specular_albedo(pixel, specular) * diffuse_albedo(pixel), lobe.axis.x);
+    results[3] = vec4(demodulation_of(matte_albedo(pixel, diffuse)), 0.0);
 }",
         entry_point: "read",
         definitions: choices(&[
@@ -80,8 +98,14 @@ fn read(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-fn entries() -> [Entry; 4] {
-    [build(), filter_roughness(), store_roughness(), reader()]
+fn entries() -> [Entry; 5] {
+    [
+        build(),
+        classify(),
+        filter_roughness(),
+        store_roughness(),
+        reader(),
+    ]
 }
 
 fn composer() -> Composer {
@@ -98,6 +122,7 @@ fn key(definitions: &[&str]) -> GuideKey {
         external: set("EXTERNAL_GUIDES"),
         stored: set("STORED_LOBES"),
         wang: set("WANG_LOBES"),
+        tiles: true,
     }
 }
 
@@ -130,7 +155,11 @@ fn wrong_shaders_are_noticed() {
         1,
     );
     assert_ne!(wrong, GUIDES);
-    let libraries = [("guides.wgsl", &*wrong.leak()), GBUFFER];
+    let libraries = [
+        ("guides.wgsl", &*wrong.leak()),
+        ("tiles.wgsl", TILES),
+        GBUFFER,
+    ];
     let reader = reader();
     let mut composer = Composer::new(&libraries, &[&reader]);
     let mut outcome = |definitions: &[&str]| {
@@ -145,15 +174,15 @@ fn wrong_shaders_are_noticed() {
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let [build, filter, store, _] = entries();
+    let [build, classify, filter, store, _] = entries();
     // The modules' definitions count as tried by whoever imports them, so that the reader's sets are compared here.
     let with_all = Entry {
         definitions: reader().definitions,
         ..build
     };
-    let listed = [&with_all, &filter, &store];
+    let listed = [&with_all, &classify, &filter, &store];
     assert_eq!(list_faults(&source, &listed, LIBRARIES), [""; 0]);
-    let faults = list_faults(&source, &[&self::build(), &filter], LIBRARIES);
+    let faults = list_faults(&source, &[&self::build(), &classify, &filter], LIBRARIES);
     for missing in ["STORED_LOBES", "store_roughness.wgsl"] {
         assert!(
             faults.iter().any(|fault| fault.contains(missing)),
@@ -350,7 +379,7 @@ fn host_workgroup() -> u32 {
 fn workgroups_and_uniforms_agree() {
     let mut composer = composer();
     let side = host_workgroup();
-    for entry in [build(), filter_roughness()] {
+    for entry in [build(), classify(), filter_roughness()] {
         for module in composer.compose_all(&entry).expect("a valid shader") {
             assert_eq!(
                 workgroup_size(&module, entry.entry_point),

@@ -11,7 +11,7 @@
 //! not counted as ours. The lobes of pixels are stored as whole numbers each of which stands for a lobe: there is nothing
 //! to count in them.
 
-use crate::ledger::GpuLedger;
+use crate::ledger::{GpuLedger, read_back_words};
 use crate::signals::{AkariPassSystems, ViewSignals};
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
@@ -333,28 +333,12 @@ fn collect_counts(
     let Some(counters) = counters else {
         return;
     };
-    let staging = device.create_buffer(&BufferDescriptor {
-        label: Some("akari_faults_staging"),
-        size: PLACES * STRIDE,
-        usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
-        label: Some("akari_faults_collect"),
-    });
-    encoder.copy_buffer_to_buffer(&counters.counts, 0, &staging, 0, PLACES * STRIDE);
-    queue.submit([encoder.finish()]);
     let ledger = ledger.clone();
-    let mapped = staging.clone();
-    staging.slice(..).map_async(MapMode::Read, move |result| {
-        if result.is_err() {
-            return;
-        }
-        let bytes = mapped.slice(..).get_mapped_range();
+    let size = (PLACES * STRIDE) as usize / size_of::<u32>();
+    read_back_words(&counters.counts, (0, size), &device, &queue, move |words| {
         let word = |place: Place, which: usize| {
-            let at = (place as u64 * STRIDE) as usize + 4 * which;
-            let word = bytes.get(at..at + 4).and_then(|word| word.try_into().ok());
-            u64::from(word.map_or(0, u32::from_le_bytes))
+            let at = (place as u64 * STRIDE) as usize / size_of::<u32>() + which;
+            u64::from(words.get(at).copied().unwrap_or(0))
         };
         for which in 0..2 {
             let found = [

@@ -4,6 +4,7 @@
 //! [`ViewGuides::group`] at bind group 0, gives its pipeline [`ViewGuides::shader_defs`], and imports
 //! `akari_lobes::guides`.
 
+use crate::tiles::ViewTiles;
 use bevy::prelude::*;
 use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor};
 use bevy::shader::ShaderDefVal;
@@ -37,6 +38,8 @@ pub struct ViewGuides {
     pub shader_defs: Vec<ShaderDefVal>,
     /// The group of this frame; `None` until all that it binds exists.
     pub group: Option<BindGroup>,
+    /// Which tiles hold surfaces, and of which kind: by `akari_lobes::tiles`, in the same group. `None` until it exists.
+    pub tiles: Option<ViewTiles>,
     /// Pixels of the guides.
     pub size: UVec2,
 }

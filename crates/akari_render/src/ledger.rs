@@ -2,6 +2,10 @@
 
 use bevy::prelude::*;
 use bevy::render::Extract;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -97,6 +101,36 @@ impl GpuLedger {
     pub fn counters(&self) -> BTreeMap<&'static str, u64> {
         self.entries().counters.clone()
     }
+}
+
+/// Copies words of a buffer to the CPU without waiting for them, and hands them over once they are there.
+///
+/// `words` is the byte from which on they are, a multiple of 4, and how many. The buffer needs `BufferUsages::COPY_SRC`.
+pub fn read_back_words(
+    buffer: &Buffer,
+    words: (u64, usize),
+    device: &RenderDevice,
+    queue: &RenderQueue,
+    take: impl FnOnce(&[u32]) + Send + 'static,
+) {
+    let size = (words.1 * size_of::<u32>()) as u64;
+    let staging = device.create_buffer(&BufferDescriptor {
+        label: Some("akari_read_back"),
+        size,
+        usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+        label: Some("akari_read_back"),
+    });
+    encoder.copy_buffer_to_buffer(buffer, words.0, &staging, 0, size);
+    queue.submit([encoder.finish()]);
+    let mapped = staging.clone();
+    staging.slice(..).map_async(MapMode::Read, move |result| {
+        if result.is_ok() {
+            take(bytemuck::cast_slice(&mapped.slice(..).get_mapped_range()));
+        }
+    });
 }
 
 #[cfg(test)]

@@ -32,6 +32,7 @@ pub mod ledger;
 pub mod quality;
 pub mod shaders;
 pub mod signals;
+pub mod tiles;
 
 /// Everything that an effect uses from here.
 pub mod prelude {

@@ -61,6 +61,9 @@ pub struct ViewSignals {
     pub diffuse: Option<TextureView>,
     /// Distance from the surface to what the specular lobe reflects, metres; 0 where it is not known.
     pub hit_distance: Option<TextureView>,
+    /// Whether the specular signal is there only where the surface is glossy (`Guide::glossy` of `akari_lobes::guides`), and
+    /// the diffuse one holds what others reflect by their lobes, too.
+    pub glossy_only: bool,
     /// Pixels of the full resolution per texel and axis: 1, 2 or 4.
     pub scale: u32,
     /// Index into the sequence of sample offsets.

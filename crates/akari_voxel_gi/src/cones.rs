@@ -10,6 +10,7 @@ use crate::sky::{Sky, SkyBindings, VoxelInteriors, has_map};
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use akari_render::signals::ViewSignals;
+use akari_render::tiles::TileKind;
 use bevy::asset::load_embedded_asset;
 use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight};
 use bevy::platform::collections::{HashMap, HashSet};
@@ -30,8 +31,6 @@ use bevy::shader::ShaderDefVal;
 pub const CONES_LABEL: &str = "akari_voxel_gi_cones";
 const RADIANCE_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
 const HIT_DISTANCE_FORMAT: TextureFormat = TextureFormat::R32Float;
-/// Invocations of a workgroup in each direction, as in the shader.
-const WORKGROUP: u32 = 8;
 /// Bind group of what is the view's own.
 const VIEW_GROUP: u32 = 2;
 /// A camera that moves farther than this in a frame, in widths of the first cascade, has cut: what it saw before is gone.
@@ -39,7 +38,7 @@ const CUT: f64 = 0.25;
 /// Standard deviation of what a ray brings, over the mean of all rays: of a specular lobe, most of which meets one
 /// thing, and of a hemisphere, an eighth of which is lit (√(7/8 · 8)).
 const RAY_DEVIATION: Vec2 = Vec2::new(0.5, 2.65);
-/// Perceptual roughness from which a dielectric's reflection is too faint and wide to be traced apart.
+/// Perceptual roughness from which a dielectric's reflection counts as diffuse, as in `akari_lobes::guides`.
 const ROUGH: f32 = 0.95;
 
 /// On a view in the render world: its indirect light is traced.
@@ -92,13 +91,26 @@ pub struct PreparedCones {
     uniform: UniformBuffer<GpuCones>,
     group: BindGroup,
     voxels: BindGroup,
-    pipeline: CachedComputePipelineId,
-    texels: UVec2,
+    /// The pipelines, and the tiles that each of them runs on.
+    work: Vec<(CachedComputePipelineId, TileKind)>,
+    scale: u32,
 }
 
-/// Pipelines by definitions, and with or without specular cones.
+/// Pipelines by definitions, and by whether the signals of their view have a specular one.
 #[derive(Resource, Default)]
 pub struct ConePipelines(HashMap<(Vec<ShaderDefVal>, bool), CachedComputePipelineId>);
+
+/// The definition that each list of tiles is traced by, where there are specular cones, and where there are none.
+fn work_of(specular: bool) -> &'static [(Option<&'static str>, TileKind)] {
+    if specular {
+        &[
+            (Some("SPECULAR"), TileKind::Glossy),
+            (Some("BESIDE_SPECULAR"), TileKind::Matte),
+        ]
+    } else {
+        &[(None, TileKind::Surface)]
+    }
+}
 
 fn bytes_name(view: Entity) -> String {
     format!("signals of view {view}")
@@ -251,6 +263,7 @@ pub fn prepare_signals(
                 specular: targets.specular.as_ref().map(|pair| pair.0.clone()),
                 diffuse: Some(targets.diffuse.clone()),
                 hit_distance: targets.specular.as_ref().map(|pair| pair.1.clone()),
+                glossy_only: true,
                 scale,
                 frame: targets.frame,
                 reset: cold || cut,
@@ -311,27 +324,28 @@ pub fn prepare_cones(
             sky_map: has_map(&view.sky, &images),
         };
         definitions.extend(trace_definitions(traced, view.settings.plain_cones));
-        let key = (definitions, view.specular);
-        let pipeline = *pipelines
-            .0
-            .entry(key)
-            .or_insert_with_key(|(definitions, specular)| {
-                let mut shader_defs = definitions.clone();
-                if *specular {
-                    shader_defs.push("SPECULAR".into());
-                }
-                cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                    label: Some(CONES_LABEL.into()),
-                    layout: vec![
-                        guides.layout.clone(),
-                        voxel_layout(traced),
-                        view_layout(*specular),
-                    ],
-                    shader: load_embedded_asset!(assets.as_ref(), "cones.wgsl"),
-                    shader_defs,
-                    ..default()
-                })
-            });
+        let mut work = Vec::new();
+        for (definition, kind) in work_of(view.specular) {
+            let mut shader_defs = definitions.clone();
+            shader_defs.extend(definition.map(ShaderDefVal::from));
+            let pipeline = *pipelines
+                .0
+                .entry((shader_defs, view.specular))
+                .or_insert_with_key(|(shader_defs, specular)| {
+                    cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                        label: Some(CONES_LABEL.into()),
+                        layout: vec![
+                            guides.layout.clone(),
+                            voxel_layout(traced),
+                            view_layout(*specular),
+                        ],
+                        shader: load_embedded_asset!(assets.as_ref(), "cones.wgsl"),
+                        shader_defs: shader_defs.clone(),
+                        ..default()
+                    })
+                });
+            work.push((pipeline, *kind));
+        }
         let position = extracted.world_from_view.translation().as_dvec3();
         let mut uniform = UniformBuffer::from(GpuCones {
             size: guides.size,
@@ -373,8 +387,8 @@ pub fn prepare_cones(
             uniform,
             group,
             voxels: voxel_group(&buffers, Some(&sky), &device, &cache),
-            pipeline,
-            texels: targets.texels,
+            work,
+            scale: view.settings.signal_scale(),
         });
     }
 }
@@ -387,9 +401,16 @@ pub fn trace_cones(
     mut ctx: RenderContext,
 ) {
     let (prepared, guides, offset) = view.into_inner();
-    let (Some(pipeline), Some(guide_group)) =
-        (cache.get_compute_pipeline(prepared.pipeline), &guides.group)
-    else {
+    let (Some(tiles), Some(guide_group)) = (&guides.tiles, &guides.group) else {
+        return;
+    };
+    // All of the tiles are traced, or none.
+    let ready: Option<Vec<_>> = prepared
+        .work
+        .iter()
+        .map(|(id, kind)| Some((cache.get_compute_pipeline(*id)?, *kind)))
+        .collect();
+    let Some(ready) = ready else {
         return;
     };
     debug_assert!(prepared.uniform.buffer().is_some());
@@ -402,12 +423,13 @@ pub fn trace_cones(
             label: Some(CONES_LABEL),
             timestamp_writes: None,
         });
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, guide_group, &[offset.offset]);
-        pass.set_bind_group(VOXEL_GROUP, &prepared.voxels, &[]);
-        pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
-        let groups = prepared.texels.map(|texels| texels.div_ceil(WORKGROUP));
-        pass.dispatch_workgroups(groups.x, groups.y, 1);
+        for (pipeline, kind) in ready {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, guide_group, &[offset.offset]);
+            pass.set_bind_group(VOXEL_GROUP, &prepared.voxels, &[]);
+            pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
+            tiles.dispatch(&mut pass, kind, prepared.scale);
+        }
     }
     span.end(encoder);
     ledger.count_pass(CONES_LABEL);

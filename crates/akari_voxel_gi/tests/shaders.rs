@@ -36,6 +36,10 @@ const BORROWED: &[(&str, &str)] = &[
         include_str!("../../akari_lobes/src/guides.wgsl"),
     ),
     (
+        "tiles.wgsl",
+        include_str!("../../akari_lobes/src/tiles.wgsl"),
+    ),
+    (
         "gbuffer.wgsl",
         include_str!("../../akari_render/src/gbuffer.wgsl"),
     ),
@@ -101,7 +105,7 @@ fn cones() -> Entry {
             &[&[], &["EXTERNAL_GUIDES"]],
             &[&[], &["STORED_LOBES"]],
             &[&[], &["WANG_LOBES"]],
-            &[&[], &["SPECULAR"]],
+            &[&[], &["SPECULAR"], &["BESIDE_SPECULAR"]],
             &[&[], &["SKY_MAP"]],
             &[&[], &["PLAIN_CONES"]],
         ]),

@@ -16,4 +16,5 @@ mod lights;
 mod overlay;
 mod shadows;
 mod stability;
+mod tiles;
 mod voxels;

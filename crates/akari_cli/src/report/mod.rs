@@ -55,7 +55,7 @@ impl Scope {
             Self {
                 size: 96,
                 spp: 256,
-                rounds: 5,
+                rounds: 3,
                 steps: 3,
                 face_size: 32,
                 history_frames: 4,
@@ -329,7 +329,7 @@ fn time(
     reporter: &Reporter,
 ) -> Result<(), CliError> {
     /// The least of few short times is a matter of luck: rounds go on for as long.
-    const LONG_ENOUGH: Duration = Duration::from_secs(15);
+    let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });
     /// But not for more than so many times the rounds.
     const MOST_REPEATS: u32 = 4;
     /// A quick look ends its rounds then, where two have been: one that begins before the machine has settled is not
@@ -342,7 +342,7 @@ fn time(
     let mut gpu = vec![Vec::new(); variants.len()];
     let mut frames = vec![Vec::new(); variants.len()];
     for round in 0..rounds * MOST_REPEATS {
-        let enough = round >= rounds && (rounds < FEWEST_ROUNDS || start.elapsed() > LONG_ENOUGH);
+        let enough = round >= rounds && (rounds < FEWEST_ROUNDS || start.elapsed() > long_enough);
         let too_long = scope.quick && round >= QUICK_ROUNDS && start.elapsed() > QUICK_END;
         if enough || too_long {
             break;

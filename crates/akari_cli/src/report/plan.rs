@@ -71,7 +71,7 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
         ("lobes", _) => &["normal_mapped"],
-        ("interreflection", true) => &["corner_glossy", "ring"],
+        ("interreflection", true) => &["corner", "corner_glossy"],
         ("interreflection", false) => &["corner", "corner_glossy", "ring"],
         // A metal block throws caustics, which voxels know nothing of and no setting mends: they would hide what does.
         ("voxel_gi", true) => &["cornell_matte"],

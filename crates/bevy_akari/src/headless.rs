@@ -1,5 +1,6 @@
 //! Rendering without a window: a Bevy app that draws into an image which is read back as linear radiance.
 
+use crate::pass_times::pass_times;
 use akari_render::ledger::GpuLedger;
 use bevy::app::{PluginsState, TerminalCtrlCHandlerPlugin};
 use bevy::camera::{Exposure, Hdr, RenderTarget};
@@ -502,22 +503,14 @@ impl Headless {
         })
     }
 
-    /// Latest GPU time in milliseconds of each time span, by name.
+    /// GPU time in milliseconds of each pass of the last frame that was measured, by the name of its time span:
+    /// [`pass_times`].
     pub fn gpu_times(&self) -> BTreeMap<String, f64> {
-        let Some(store) = self.app.world().get_resource::<DiagnosticsStore>() else {
-            return BTreeMap::new();
-        };
+        let store = self.app.world().get_resource::<DiagnosticsStore>();
         store
-            .iter()
-            .filter_map(|diagnostic| {
-                let name = diagnostic
-                    .path()
-                    .as_str()
-                    .strip_prefix("render/")?
-                    .strip_suffix("/elapsed_gpu")?
-                    .to_owned();
-                Some((name, diagnostic.value()?))
-            })
+            .map_or_else(Vec::new, pass_times)
+            .into_iter()
+            .map(|(pass, milliseconds)| (pass.to_owned(), milliseconds))
             .collect()
     }
 

@@ -28,6 +28,7 @@ pub mod diagnostics;
 mod fuzz;
 pub mod guide;
 pub mod headless;
+pub mod pass_times;
 pub mod resample;
 pub mod settings;
 

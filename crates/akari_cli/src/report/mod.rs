@@ -328,14 +328,14 @@ fn time(
     scope: Scope,
     reporter: &Reporter,
 ) -> Result<(), CliError> {
-    /// The least of few short times is a matter of luck: rounds go on for as long.
-    let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });
-    /// But not for more than so many times the rounds.
+    /// Rounds go on until there are enough times, but not for more than so many times the rounds.
     const MOST_REPEATS: u32 = 4;
     /// A quick look ends its rounds then, where two have been: one that begins before the machine has settled is not
     /// enough.
     const QUICK_END: Duration = Duration::from_secs(20);
     const QUICK_ROUNDS: u32 = 2;
+    // The least of few short times is a matter of luck: rounds go on for as long.
+    let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });
     let start = Instant::now();
     let rounds = scope.rounds;
     let total = u64::from(rounds) * variants.len() as u64;

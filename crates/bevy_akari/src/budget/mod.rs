@@ -21,6 +21,7 @@ pub mod ladders;
 #[cfg(test)]
 mod simulated;
 
+use crate::pass_times::pass_times;
 use crate::settings::AkariSettings;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
@@ -99,37 +100,15 @@ impl Plugin for FrameBudgetPlugin {
     }
 }
 
-/// GPU times of our passes in the last frame that was measured, milliseconds, by name.
-pub(crate) fn pass_times(store: &DiagnosticsStore) -> Vec<(&str, f32)> {
-    let passes: Vec<_> = store
-        .iter()
-        .filter_map(|diagnostic| {
-            let pass = diagnostic
-                .path()
-                .as_str()
-                .strip_prefix("render/")?
-                .strip_suffix("/elapsed_gpu")?;
-            let measurement = diagnostic.measurement()?;
-            pass.starts_with(OWN_PASSES).then_some((
-                pass,
-                measurement.time,
-                measurement.value as f32,
-            ))
-        })
-        .collect();
-    let newest = passes.iter().map(|(_, time, _)| *time).max();
-    // A pass that no longer runs keeps its last time; it is no part of this frame. All passes of one frame are entered
-    // together.
-    let fresh = |time| newest.is_some_and(|newest| newest.duration_since(time) < ONE_FRAME);
-    passes
+/// GPU times of our own passes in the last frame that was measured, milliseconds, by name.
+pub(crate) fn own_pass_times(store: &DiagnosticsStore) -> Vec<(&str, f32)> {
+    pass_times(store)
         .into_iter()
-        .filter(|(_, time, _)| fresh(*time))
-        .map(|(pass, _, milliseconds)| (pass, milliseconds))
+        .filter(|(pass, _)| pass.starts_with(OWN_PASSES))
+        .map(|(pass, milliseconds)| (pass, milliseconds as f32))
         .collect()
 }
 
-/// Age, beside the newest, of a time that is not of the same frame.
-const ONE_FRAME: std::time::Duration = std::time::Duration::from_millis(50);
 /// What all our passes begin with.
 const OWN_PASSES: &str = "akari_";
 
@@ -186,7 +165,7 @@ fn frame_cost(world: &World, budgeting: &mut Budgeting) -> Option<FrameCost> {
     const PATIENCE: u32 = 600;
     let times = world
         .get_resource::<DiagnosticsStore>()
-        .map_or_else(Vec::new, pass_times);
+        .map_or_else(Vec::new, own_pass_times);
     let sum = |prefix: &str| -> f32 {
         let of_effect = times.iter().filter(|(pass, _)| pass.starts_with(prefix));
         of_effect.map(|(_, milliseconds)| milliseconds).sum()

@@ -1,7 +1,7 @@
 //! The summary as text over the picture.
 
 use super::summary::AkariSummary;
-use crate::budget::{BudgetLog, FrameBudget, pass_times};
+use crate::budget::{BudgetLog, FrameBudget, own_pass_times};
 use crate::settings::AkariSettings;
 use akari_render::camera::AkariCamera;
 use akari_render::demand::EffectReport;
@@ -85,7 +85,7 @@ fn write_summary(world: &mut World, mut frames: Local<u32>) {
     };
     let times = world
         .get_resource::<DiagnosticsStore>()
-        .map_or_else(Vec::new, pass_times);
+        .map_or_else(Vec::new, own_pass_times);
     let summary = AkariSummary::new(report, ledger, &times, &AkariSettings::of_world(world))
         .with_budget(
             world.get_resource::<FrameBudget>(),

@@ -146,6 +146,8 @@ fn extremes(image: &ReadImage) -> (f32, f32) {
 const ROUNDING: f32 = 1.01;
 /// Largest relative difference of pictures at two scales: single steps of the 16-bit target.
 const SAME: f32 = 2e-3;
+/// The same with light that is summed over thousands of triangles.
+const SAME_BOUNCED: f32 = 1e-2;
 
 #[test]
 fn hard_cases_of_scale_roughness_and_view() {
@@ -242,6 +244,76 @@ fn hard_cases_with_indirect_light() {
         passes.keys().any(|name| name.starts_with("akari_voxel_gi")),
         "no indirect light: {passes:?}"
     );
+}
+
+/// With one bounce between surfaces that all reflect: what they send on is less than what they get, and where they touch,
+/// or the eye is all but in one of them, nothing is divided by their distance.
+#[test]
+fn hard_cases_with_interreflection() {
+    let Some(mut scene) = Scene::new("hard_cases_with_interreflection") else {
+        return;
+    };
+    // The ball lies on the floor: it is nearest to what it lights where it touches it.
+    for (entity, place) in &mut scene.meshes {
+        place.y = place.y.min(0.7);
+        scene
+            .headless
+            .app
+            .world_mut()
+            .entity_mut(*entity)
+            .insert(Reflector);
+    }
+    let (mut pictures, mut largest) = (0, 0.0_f32);
+    let mut brightest = 0.0_f32;
+    for (roughness, make) in [
+        (0.0, metal as fn(f32) -> StandardMaterial),
+        (0.05, metal),
+        (0.7, metal),
+        (1.0, matte),
+    ] {
+        for (view, eye, target) in VIEWS {
+            let mut at_one = None;
+            for scale in [2, 0, 4].map(|i| SCALES[i]) {
+                let image = scene.draw(scale, scale, make(roughness), (eye, target));
+                let what = format!("roughness {roughness}, {view}, scale {scale}");
+                assert_eq!(non_finite_pixels(&image), 0, "{what}");
+                let (low, high) = extremes(&image);
+                assert!(low >= 0.0, "{what}: {low}");
+                // Direct light and one bounce: each is at most the lights' own radiance.
+                assert!(high <= 2.0 * ROUNDING * LUMINANCE, "{what}: {high}");
+                brightest = brightest.max(high);
+                pictures += 1;
+                let Some(at_one) = &at_one else {
+                    at_one = Some(image);
+                    continue;
+                };
+                largest = largest.max(largest_difference(at_one, &image) / LUMINANCE);
+            }
+        }
+    }
+    println!(
+        "{pictures} pictures, scales differ by {largest:.1e} of the lights' radiance, brightest {brightest}"
+    );
+    assert_eq!(pictures, 36);
+    assert!(largest <= SAME_BOUNCED, "{largest} off");
+    let passes = scene.headless.ledger().passes();
+    assert!(
+        passes.contains_key("akari_interreflection_shade"),
+        "no bounce: {passes:?}"
+    );
+    // With the bounce it is another picture: else nothing of this was tried.
+    let view = (VIEWS[0].1, VIEWS[0].2);
+    let with = scene.draw(1.0, 1.0, matte(1.0), view);
+    for (entity, _) in &scene.meshes {
+        scene
+            .headless
+            .app
+            .world_mut()
+            .entity_mut(*entity)
+            .remove::<Reflector>();
+    }
+    let without = scene.draw(1.0, 1.0, matte(1.0), view);
+    assert!(largest_difference(&with, &without) > 0.01 * LUMINANCE);
 }
 
 /// Counts of the last frame.

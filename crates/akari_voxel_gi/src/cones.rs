@@ -293,6 +293,7 @@ pub fn prepare_cones(
         &ViewGuides,
     )>,
     buffers: Option<Res<VoxelBuffers>>,
+    lighting: Option<Res<VoxelLighting>>,
     interiors: Res<VoxelInteriors>,
     images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<ConePipelines>,
@@ -305,10 +306,12 @@ pub fn prepare_cones(
         pipelines.0.clear();
         return;
     };
+    let mirrored = lighting.as_ref().and_then(|lighting| lighting.mirrored());
     for (entity, extracted, view, targets, guides) in &views {
         let mut definitions = guides.shader_defs.clone();
         let traced = Traced::Light {
             sky_map: has_map(&view.sky, &images),
+            mirrors: mirrored.is_some(),
         };
         definitions.extend(trace_definitions(traced, view.settings.plain_cones));
         let key = (definitions, view.specular);
@@ -368,6 +371,7 @@ pub fn prepare_cones(
             buffers.clipmap.camera(),
             &images,
             &device,
+            mirrored.clone(),
         );
         commands.entity(entity).insert(PreparedCones {
             uniform,

@@ -38,8 +38,23 @@ impl Room {
     /// # Panics
     /// If the scene cannot be read or drawn.
     pub fn new(test: &str, name: &str, side: u32, spp: u32) -> Option<Self> {
+        Self::changed(test, name, side, spp, |_| {})
+    }
+
+    /// The same, of a scene that is changed after it was loaded.
+    ///
+    /// # Panics
+    /// If the scene cannot be read or drawn.
+    pub fn changed(
+        test: &str,
+        name: &str,
+        side: u32,
+        spp: u32,
+        change: impl FnOnce(&mut Scene),
+    ) -> Option<Self> {
         let mut headless = headless_or_skip(test)?;
-        let scene = Scene::load(&scene_path(name)).expect("a scene of the repository");
+        let mut scene = Scene::load(&scene_path(name)).expect("a scene of the repository");
+        change(&mut scene);
         spawn(headless.app.world_mut(), &scene);
         let camera = &scene.cameras[0];
         let SceneProjection::Perspective { yfov, znear, .. } = camera.projection else {

@@ -114,6 +114,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         "akari_math::voxel::packing",
         include_str!("voxel/packing.wgsl"),
     ),
+    (
+        "akari_math::voxel::mirror",
+        include_str!("voxel/mirror.wgsl"),
+    ),
     ("akari_math::voxel::slice", include_str!("voxel/slice.wgsl")),
     (
         "akari_math::voxel::schedule",

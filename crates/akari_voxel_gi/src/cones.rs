@@ -306,6 +306,7 @@ pub fn prepare_cones(
         &ViewGuides,
     )>,
     buffers: Option<Res<VoxelBuffers>>,
+    lighting: Option<Res<VoxelLighting>>,
     interiors: Res<VoxelInteriors>,
     images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<ConePipelines>,
@@ -318,10 +319,12 @@ pub fn prepare_cones(
         pipelines.0.clear();
         return;
     };
+    let mirrored = lighting.as_ref().and_then(|lighting| lighting.mirrored());
     for (entity, extracted, view, targets, guides) in &views {
         let mut definitions = guides.shader_defs.clone();
         let traced = Traced::Light {
             sky_map: has_map(&view.sky, &images),
+            mirrors: mirrored.is_some(),
         };
         definitions.extend(trace_definitions(traced, view.settings.plain_cones));
         let mut work = Vec::new();
@@ -382,6 +385,7 @@ pub fn prepare_cones(
             buffers.clipmap.camera(),
             &images,
             &device,
+            mirrored.clone(),
         );
         commands.entity(entity).insert(PreparedCones {
             uniform,

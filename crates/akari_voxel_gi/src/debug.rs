@@ -27,7 +27,10 @@ pub const DEBUG_LABEL: &str = "akari_voxel_gi_debug";
 /// Bind group of what is the view's own.
 const VIEW_GROUP: usize = 2;
 /// Debug views look at voxels, not at what is beside them.
-const VIEWED: Traced = Traced::Light { sky_map: false };
+const VIEWED: Traced = Traced::Light {
+    sky_map: false,
+    mirrors: false,
+};
 
 /// What is drawn.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash, Reflect)]
@@ -263,6 +266,7 @@ pub fn prepare_debug_views(
             buffers.clipmap.camera(),
             &images,
             &device,
+            None,
         );
         commands.entity(entity).insert(PreparedDebug {
             _uniform: uniform,

@@ -144,9 +144,15 @@ fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
     let element = 6u * face.record + face.face;
     var received = vec3(0.0);
-    // What lamps send to it may be reflected elsewhere, by metal.
-    let elsewhere = (voxel_coverage[face.record].y >> (LAMPS_ELSEWHERE_BIT + face.face)) & 1u;
-    for (var light = 0u; light < select(lighting.light_count, 0u, elsewhere != 0u); light++) {
+    var light_count = lighting.light_count;
+#ifdef PLAIN_CONES
+    // What lamps send to metal may be reflected elsewhere. Cones of pixels that follow metal leave it out themselves; to other
+    // voxels it goes from here.
+    if ((voxel_coverage[face.record].y >> (LAMPS_ELSEWHERE_BIT + face.face)) & 1u) != 0u {
+        light_count = 0u;
+    }
+#endif
+    for (var light = 0u; light < light_count; light++) {
         if lights[LIGHT_STRIDE * light].w <= KIND_POINT {
             received += irradiance_of_point(face, light);
         } else {

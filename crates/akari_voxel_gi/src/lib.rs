@@ -94,6 +94,7 @@ impl Plugin for VoxelGiPlugin {
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "store.wgsl");
         load_shader_library!(app, "trace.wgsl");
+        load_shader_library!(app, "mirrors.wgsl");
         load_shader_library!(app, "sky.wgsl");
         load_shader_library!(app, "records.wgsl");
         load_shader_library!(app, "diffuse.wgsl");

@@ -7,7 +7,7 @@ use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
 use crate::pipeline::StoreKey;
 use crate::prepare::VoxelFrame;
 use crate::scene::VoxelScene;
-use crate::sky::{GpuVoxelSurroundings, Sky, SkyBindings, VoxelInteriors, has_map};
+use crate::sky::{GpuVoxelSurroundings, MirroredLights, Sky, SkyBindings, VoxelInteriors, has_map};
 use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
 use akari_math::voxel::schedule::WHOLE_TURN;
 use akari_render::area_lights::AreaLightPolygons;
@@ -117,6 +117,8 @@ pub enum Traced {
     Light {
         /// Whether the sky has an environment map.
         sky_map: bool,
+        /// Whether what metal mirrors is followed.
+        mirrors: bool,
     },
 }
 
@@ -132,6 +134,9 @@ pub struct VoxelLighting {
     gather: Option<CachedComputePipelineId>,
     uniform: UniformBuffer<GpuVoxelLighting>,
     lights: StorageBuffer<Vec<Vec4>>,
+    light_count: u32,
+    /// Whether there is metal to mirror anything, or was: what comes and goes is not compiled anew each time.
+    mirrors: bool,
     groups: Option<Groups>,
     frame: u32,
     rounds: Rounds,
@@ -148,23 +153,36 @@ struct Groups {
 /// Layout of the voxels, and of what is beside them.
 pub fn voxel_layout(traced: Traced) -> BindGroupLayoutDescriptor {
     let read = storage_buffer_read_only_sized(false, None);
-    let mut entries = vec![uniform_buffer::<GpuVoxelClipmap>(false), read, read, read];
-    if let Traced::Light { sky_map } = traced {
-        entries.extend([read, uniform_buffer::<GpuVoxelSurroundings>(false)]);
+    let mut entries = vec![
+        (0, uniform_buffer::<GpuVoxelClipmap>(false)),
+        (1, read),
+        (2, read),
+        (3, read),
+    ];
+    if let Traced::Light { sky_map, mirrors } = traced {
+        entries.extend([
+            (4, read),
+            (5, uniform_buffer::<GpuVoxelSurroundings>(false)),
+        ]);
         if sky_map {
             entries.extend([
-                texture_cube(TextureSampleType::Float { filterable: true }),
-                sampler(SamplerBindingType::Filtering),
+                (
+                    6,
+                    texture_cube(TextureSampleType::Float { filterable: true }),
+                ),
+                (7, sampler(SamplerBindingType::Filtering)),
             ]);
+        }
+        if mirrors {
+            entries.push((8, read));
         }
     }
     let entries: Vec<BindGroupLayoutEntry> = entries
         .into_iter()
-        .enumerate()
         .map(|(binding, entry)| {
             // Debug views are drawn.
             let stages = ShaderStages::COMPUTE | ShaderStages::FRAGMENT;
-            entry.build(binding as u32, stages)
+            entry.build(binding, stages)
         })
         .collect();
     BindGroupLayoutDescriptor::new("akari_voxel_gi_voxels_layout", &entries)
@@ -178,30 +196,30 @@ pub fn voxel_group(
     cache: &PipelineCache,
 ) -> BindGroup {
     let mut bound = vec![
-        buffers.uniform.as_entire_binding(),
-        buffers.bricks.as_entire_binding(),
-        buffers.coverage.as_entire_binding(),
-        buffers.surface.as_entire_binding(),
+        (0, buffers.uniform.as_entire_binding()),
+        (1, buffers.bricks.as_entire_binding()),
+        (2, buffers.coverage.as_entire_binding()),
+        (3, buffers.surface.as_entire_binding()),
     ];
     let mut traced = Traced::Occlusion;
     if let Some(sky) = sky {
         traced = Traced::Light {
             sky_map: sky.map.is_some(),
+            mirrors: sky.lights.is_some(),
         };
-        bound.push(buffers.radiance.as_entire_binding());
-        bound.push(sky.uniform.as_entire_binding());
+        bound.push((4, buffers.radiance.as_entire_binding()));
+        bound.push((5, sky.uniform.as_entire_binding()));
         if let Some((view, sampler)) = &sky.map {
-            bound.push(BindingResource::TextureView(view));
-            bound.push(BindingResource::Sampler(sampler));
+            bound.push((6, BindingResource::TextureView(view)));
+            bound.push((7, BindingResource::Sampler(sampler)));
+        }
+        if let Some(lights) = &sky.lights {
+            bound.push((8, lights.as_entire_binding()));
         }
     }
     let entries: Vec<BindGroupEntry> = bound
         .into_iter()
-        .enumerate()
-        .map(|(binding, resource)| BindGroupEntry {
-            binding: binding as u32,
-            resource,
-        })
+        .map(|(binding, resource)| BindGroupEntry { binding, resource })
         .collect();
     device.create_bind_group(
         "akari_voxel_gi_voxels",
@@ -213,8 +231,11 @@ pub fn voxel_group(
 /// The definitions of the shaders that trace voxels; `plain_cones` as in the settings.
 pub fn trace_definitions(traced: Traced, plain_cones: bool) -> Vec<ShaderDefVal> {
     let mut definitions = vec![ShaderDefVal::UInt("VOXEL_GROUP".into(), VOXEL_GROUP)];
-    if let Traced::Light { sky_map } = traced {
+    if let Traced::Light { sky_map, mirrors } = traced {
         definitions.push("TRACE_RADIANCE".into());
+        if mirrors {
+            definitions.push("MIRRORS".into());
+        }
         if sky_map {
             definitions.push("SKY_MAP".into());
         }
@@ -300,15 +321,29 @@ impl VoxelLighting {
                     load_embedded_asset!(assets, "gather.wgsl"),
                     gather_layout(),
                     Vec::new(),
-                    Traced::Light { sky_map },
+                    Traced::Light {
+                        sky_map,
+                        mirrors: false,
+                    },
                 )
             }),
             uniform: UniformBuffer::default(),
             lights: StorageBuffer::default(),
+            light_count: 0,
+            mirrors: false,
             groups: None,
             frame: 0,
             rounds: Rounds::default(),
         }
+    }
+
+    /// The lights of the frame, if there is metal that mirrors them for cones of pixels.
+    pub fn mirrored(&self) -> Option<MirroredLights> {
+        let buffer = self.lights.buffer().filter(|_| self.mirrors)?.clone();
+        Some(MirroredLights {
+            buffer,
+            count: self.light_count,
+        })
     }
 
     /// Which pages are lit.
@@ -371,6 +406,8 @@ pub fn prepare_lighting(
         lighting.rounds.change();
     }
     lighting.surroundings = (view.sky, interiors.0.clone());
+    lighting.light_count = light_count;
+    lighting.mirrors |= scene.has_metal();
     ledger.set_bytes(EFFECT, "lights", 16 * vectors.len() as u64);
     lighting.lights.set(vectors);
     lighting.lights.write_buffer(&device, &queue);
@@ -430,6 +467,7 @@ pub fn prepare_lighting(
                 buffers.clipmap.camera(),
                 &images,
                 &device,
+                None,
             );
             (group, voxel_group(&buffers, Some(&sky), &device, &cache))
         }),

@@ -5,6 +5,7 @@
 // §4.2, with coverage and surface in place of radiance).
 
 #import akari_math::voxel::brick::{mask_holds, mask_rank, record_index, voxel_index}
+#import akari_math::voxel::mirror::{metal_of_face, metal_pack, metal_roughness, spread_roughness}
 #import akari_math::voxel::packing::{
     VoxelSurface, coverage_of_face, coverage_pack, face_direction, voxel_radiance_pack, voxel_radiance_unpack,
     voxel_surface_pack, voxel_surface_unpack,
@@ -48,6 +49,11 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     var areas: array<f32, 6>;
     var most = 0.0;
     var elsewhere_bits = 0u;
+    var metal_faces = 0u;
+    // Over all faces: metal, and its roughness and length of the mean normal weighted with that.
+    var metal_area = 0.0;
+    var roughness = 0.0;
+    var mean_length = 0.0;
     for (var face = 0u; face < 6u; face += 1u) {
         let axis = face >> 1u;
         // Bit of the child number that tells the two of a row apart, and its value for the front one.
@@ -58,6 +64,7 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         var normal = vec3<f32>(0.0);
         var place = vec3<f32>(0.0);
         var elsewhere = 0.0;
+        var metal = 0.0;
 #ifdef EMISSIVE
         var shine = vec3<f32>(0.0);
 #endif
@@ -79,6 +86,11 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 let part = voxel_surface_unpack(surface[6u * from_record + face], face);
                 area += weight;
                 elsewhere += weight * f32((bits.y >> (LAMPS_ELSEWHERE_BIT + face)) & 1u);
+                if metal_of_face(bits.y, face) {
+                    metal += weight;
+                    metal_area += weight;
+                    roughness += weight * metal_roughness(bits.y);
+                }
                 albedo += weight * part.albedo;
                 normal += weight * part.normal;
                 let child = row | bit;
@@ -92,6 +104,10 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         }
         let scale = 1.0 / max(area, 1e-20);
         let length = sqrt(dot(normal, normal));
+        if 2.0 * metal > area {
+            metal_faces |= 1u << face;
+        }
+        mean_length += metal * min(length * scale, 1.0);
         if length > 1e-12 {
             normal = normal / length;
         } else {
@@ -113,5 +129,9 @@ fn downsample(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         vec3<f32>(areas[1], areas[3], areas[5]),
     );
     record.coverage.y |= elsewhere_bits;
+    if metal_faces != 0u {
+        let scale = 1.0 / max(metal_area, 1e-20);
+        record.coverage.y |= metal_pack(metal_faces, spread_roughness(roughness * scale, mean_length * scale));
+    }
     store_brick(lane, slot_of_brick(level, dirty.brick), most >= LEAST_COVERAGE, record);
 }

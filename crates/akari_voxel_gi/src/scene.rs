@@ -118,6 +118,13 @@ impl VoxelScene {
             .any(|instance| instance.surface.emissive)
     }
 
+    /// Whether anything is metal.
+    pub fn has_metal(&self) -> bool {
+        self.instances
+            .values()
+            .any(|instance| instance.surface.metal.is_some())
+    }
+
     fn insert(&mut self, entity: Entity, instance: SceneInstance) {
         if let Some(old) = self.instances.get(&entity) {
             if old.is_same(&instance) {

@@ -115,8 +115,8 @@ pub struct GpuVoxelSurroundings {
     pub last_level: f32,
     /// Interiors that count.
     pub interior_count: u32,
-    /// Padding.
-    pub pad_a: u32,
+    /// Lights that metal mirrors.
+    pub light_count: u32,
     /// Padding.
     pub pad_b: u32,
     /// The interiors.
@@ -185,6 +185,17 @@ pub struct SkyBindings {
     pub uniform: Buffer,
     /// The map, once it is loaded.
     pub map: Option<(TextureView, Sampler)>,
+    /// The lights that metal mirrors, where it does.
+    pub lights: Option<Buffer>,
+}
+
+/// The lights that metal mirrors.
+#[derive(Clone)]
+pub struct MirroredLights {
+    /// As `pack_lights` writes them.
+    pub buffer: Buffer,
+    /// Number of lights.
+    pub count: u32,
 }
 
 impl SkyBindings {
@@ -195,12 +206,14 @@ impl SkyBindings {
         anchor: DVec3,
         images: &RenderAssets<GpuImage>,
         device: &RenderDevice,
+        mirrored: Option<MirroredLights>,
     ) -> Self {
         let map = loaded(sky, images);
         let mut surroundings = GpuVoxelSurroundings {
             ambient: sky.ambient,
             rotation: Quat::IDENTITY.into(),
             interior_count: interiors.0.len().min(MOST_INTERIORS) as u32,
+            light_count: mirrored.as_ref().map_or(0, |lights| lights.count),
             ..default()
         };
         for (target, interior) in surroundings.interiors.iter_mut().zip(&interiors.0) {
@@ -219,6 +232,7 @@ impl SkyBindings {
                 usage: BufferUsages::UNIFORM,
             }),
             map: map.map(|(_, image)| (image.texture_view.clone(), image.sampler.clone())),
+            lights: mirrored.map(|lights| lights.buffer),
         }
     }
 }

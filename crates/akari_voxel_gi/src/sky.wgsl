@@ -2,12 +2,27 @@
 
 // Light that comes from beside all voxels, and rooms into which none of it comes.
 //
-// Definitions beyond those of `trace.wgsl`: SKY_MAP, where there is an environment map.
+// Definitions beyond those of `trace.wgsl`: SKY_MAP, where there is an environment map; MIRRORS, also to follow what metal
+// sends.
 
 #import akari_math::voxel::cone::{box_exit, cone_roughness}
 #import akari_voxel_gi::trace::{VoxelRay, VoxelTrace, trace_voxels}
+#ifdef MIRRORS
+#import akari_math::random::random_hash
+#import akari_voxel_gi::mirrors::{MirroredLight, mirror_light}
+#import akari_voxel_gi::trace::leave_metal
+#endif
 
 const MOST_INTERIORS: u32 = 16u;
+// Parts of a path: the cone itself, the ray that metal sends on, and the one to a lamp.
+const FIRST: u32 = 0u;
+#ifdef MIRRORS
+const MIRRORED: u32 = 1u;
+const TO_LAMP: u32 = 2u;
+const LAST_SEGMENT: u32 = TO_LAMP;
+#else
+const LAST_SEGMENT: u32 = FIRST;
+#endif
 
 // A box of `VoxelGiInterior`: rows of the transform from positions relative to the anchor into the cube of edge 1 about the
 // origin.
@@ -28,7 +43,8 @@ struct VoxelSurroundings {
     // Level of the map that is filtered for a roughness of 1.
     last_level: f32,
     interior_count: u32,
-    pad_a: u32,
+    // Lights that metal mirrors.
+    light_count: u32,
     pad_b: u32,
     interiors: array<VoxelInterior, 16>,
 }
@@ -87,15 +103,76 @@ fn interior_reach(origin: vec3<f32>, direction: vec3<f32>) -> f32 {
 
 // What comes along a cone from voxels, and from the sky beside them; the latter as a cone of `sky_tangent` sees it. Out of an
 // interior nothing comes.
+//
+// With MIRRORS, what metal sends to the cone is followed: one ray goes on from it, and one to a lamp. What that ray meets
+// sends what its voxels hold, metal too.
 fn trace_light(cone: VoxelRay, sky_tangent: f32) -> VoxelTrace {
     var ray = cone;
-    let room = interior_reach(ray.origin, ray.direction);
-    if room >= 0.0 {
-        ray.reach = min(ray.reach, room);
+    var result: VoxelTrace;
+    var throughput = vec3(1.0);
+#ifdef MIRRORS
+    var mirrored: MirroredLight;
+    mirrored.lamp_distance = -1.0;
+    // Light of what it came from, that goes to the metal.
+    var carried = vec3(1.0);
+#endif
+    // One place calls what traces: compilers copy it to each.
+    for (var segment = FIRST; segment <= LAST_SEGMENT; segment++) {
+        let room = interior_reach(ray.origin, ray.direction);
+        var is_open = room < 0.0;
+#ifdef MIRRORS
+        leave_metal = segment == FIRST;
+        if segment == MIRRORED && mirrored.lamp_distance > 0.0 {
+            ray.reach = 0.999 * mirrored.lamp_distance;
+        } else if segment != TO_LAMP && room >= 0.0 {
+            ray.reach = min(ray.reach, room);
+        }
+#else
+        if room >= 0.0 {
+            ray.reach = min(ray.reach, room);
+        }
+#endif
+        let traced = trace_voxels(ray);
+        var radiance = traced.radiance;
+#ifdef MIRRORS
+        if segment == TO_LAMP {
+            result.radiance += carried * mirrored.other * traced.transmittance;
+            break;
+        }
+        if segment == MIRRORED && mirrored.lamp_distance > 0.0 {
+            radiance += traced.transmittance * mirrored.lamp_radiance;
+            is_open = false;
+        }
+#endif
+        if is_open && traced.transmittance > 0.0 {
+            radiance += traced.transmittance * sky_radiance(ray.direction, sky_tangent);
+        }
+        result.radiance += throughput * radiance;
+        if segment == FIRST {
+            result.transmittance = traced.transmittance;
+            result.distance = traced.distance;
+        }
+#ifdef MIRRORS
+        if segment == FIRST {
+            if traced.metal.share <= 0.0 {
+                break;
+            }
+            result.metal = traced.metal;
+            let seed = random_hash(vec3(ray.seed, 0x6d697272u, 1u)).x;
+            mirrored = mirror_light(traced.metal, -ray.direction, voxel_surroundings.light_count, seed);
+            carried = vec3(traced.metal.share);
+            throughput = carried * mirrored.throughput;
+            ray = VoxelRay(traced.metal.position, mirrored.direction, traced.metal.normal, cone.tangent, cone.reach, seed);
+        } else {
+            if all(mirrored.other <= vec3(0.0)) {
+                break;
+            }
+            ray = VoxelRay(
+                result.metal.position, mirrored.other_direction, result.metal.normal, 0.0,
+                min(0.999 * mirrored.other_distance, cone.reach), ray.seed,
+            );
+        }
+#endif
     }
-    var traced = trace_voxels(ray);
-    if room < 0.0 && traced.transmittance > 0.0 {
-        traced.radiance += traced.transmittance * sky_radiance(ray.direction, sky_tangent);
-    }
-    return traced;
+    return result;
 }

@@ -33,9 +33,11 @@ pub struct MeshSurface {
     pub two_sided: bool,
     /// Whether anything shines.
     pub emissive: bool,
-    /// Whether what lamps send to it bounces elsewhere: metal that something else mirrors. What voxels send to it still
-    /// bounces here.
+    /// Whether what lamps send to pixels by way of it is accounted for elsewhere: metal that something else mirrors. What it
+    /// sends to voxels, and what voxels send to it, still bounces here.
     pub lamps_elsewhere: bool,
+    /// Perceptual roughness, if it is metal, which mirrors.
+    pub metal: Option<f32>,
     /// Images that it depends on.
     pub images: Vec<AssetId<Image>>,
 }
@@ -153,8 +155,8 @@ pub fn mesh_surface(
         })
     };
     // Metal has no diffuse reflection; its base colour is what it reflects in all directions together, up to the loss
-    // between microfacets. It stands for a diffuse albedo, so that metal hands light on, too: so does a mixture of both,
-    // and the metallic texture need not be read.
+    // between microfacets. It stands for a diffuse albedo where what metal mirrors is not followed, so that metal hands
+    // light on, too: so does a mixture of both.
     let base = lookup(
         material.base_color_texture.as_ref(),
         &material.base_color_channel,
@@ -164,7 +166,12 @@ pub fn mesh_surface(
         Some(Ok(Some(VertexAttributeValues::Float32x4(colors)))) => Some(colors.as_slice()),
         _ => None,
     };
-    let used = [material.base_color_texture.as_ref(), emissive_texture];
+    let used = [
+        material.base_color_texture.as_ref(),
+        emissive_texture,
+        material.metallic_roughness_texture.as_ref(),
+    ];
+    let metal = metal_roughness(material, images);
     let images = used.into_iter().flatten().map(Handle::id).collect();
     let uniform = Surface {
         albedo: finite(material.base_color.to_linear().to_vec3()),
@@ -205,9 +212,37 @@ pub fn mesh_surface(
         entries,
         two_sided,
         emissive,
-        lamps_elsewhere: elsewhere.mirrored && material.metallic > MOSTLY_METAL,
+        lamps_elsewhere: elsewhere.mirrored && metal.is_some(),
+        metal,
         images,
     }
+}
+
+/// Perceptual roughness of a material that is metal, `None` of others. Of textures, the mean over the image counts; one whose
+/// data are not in the main world is not known to be metal.
+fn metal_roughness(material: &StandardMaterial, images: &Assets<Image>) -> Option<f32> {
+    /// Texels that are looked up along each side of the image.
+    const SAMPLES: u32 = 16;
+    let (mut metallic, mut roughness) = (material.metallic, material.perceptual_roughness);
+    if let Some(texture) = &material.metallic_roughness_texture {
+        let image = images.get(texture)?;
+        let size = image.texture_descriptor.size;
+        let (mut green, mut blue) = (0.0, 0.0);
+        for index in 0..SAMPLES * SAMPLES {
+            let [x, y] = [
+                (index % SAMPLES, size.width),
+                (index / SAMPLES, size.height),
+            ]
+            .map(|(step, side)| (2 * step + 1) * side / (2 * SAMPLES));
+            let color = image.get_color_at(x, y).ok()?.to_linear();
+            green += color.green;
+            blue += color.blue;
+        }
+        let count = (SAMPLES * SAMPLES) as f32;
+        roughness *= green / count;
+        metallic *= blue / count;
+    }
+    (metallic > MOSTLY_METAL && roughness.is_finite()).then(|| roughness.clamp(0.0, 1.0))
 }
 
 fn finite(color: Vec3) -> Vec3 {
@@ -358,6 +393,12 @@ mod tests {
         let geometry = MeshGeometry::new(&mesh).expect("a rectangle");
         let left = mesh_surface(Some(&mesh), &geometry, &material, &images, elsewhere);
         assert!(left.lamps_elsewhere && !plain.lamps_elsewhere);
+        assert_eq!(plain.metal, Some(material.perceptual_roughness));
+        let wood = StandardMaterial {
+            metallic: 0.0,
+            ..material.clone()
+        };
+        assert_eq!(surface(&wood, &images).metal, None);
         assert_eq!(left.entries, plain.entries, "other light still bounces");
         let light = voxel_radiance_unpack(plain.entries[0].emission);
         assert!(

@@ -9,11 +9,16 @@
 // length of a step. A cone is a ray that takes the coarser level the wider it is; whoever traces it draws its direction
 // from its aperture.
 //
-// Definitions: VOXEL_GROUP, the bind group of the voxels; TRACE_RADIANCE, to read radiance; PLAIN_CONES, to march
-// isotropic cones as commonly done, for comparison.
+// Definitions: VOXEL_GROUP, the bind group of the voxels; TRACE_RADIANCE, to read radiance; MIRRORS, with the latter, to
+// leave what metal sends to whoever follows the mirrored ray; PLAIN_CONES, to march isotropic cones as commonly done, for
+// comparison.
 
 #import akari_math::random::{random_hash, random_unit}
 #import akari_math::voxel::brick::{mask_holds, mask_rank, record_index, voxel_index}
+#ifdef MIRRORS
+#import akari_math::voxel::mirror::{metal_of_face, metal_roughness}
+#import akari_voxel_gi::types::LAMPS_ELSEWHERE_BIT
+#endif
 #import akari_math::voxel::packing::{
     VoxelSurface, coverage_of_face, voxel_radiance_unpack, voxel_surface_unpack,
 }
@@ -56,6 +61,28 @@ const MIN_TRANSMITTANCE: f32 = 0.004;
 var<private> march_plainly: bool = true;
 #endif
 
+#ifdef MIRRORS
+// Whether metal is left out of the radiance, to be followed; else it sends what its voxels hold, as if it were diffuse.
+var<private> leave_metal: bool = true;
+
+// Metal that a ray met. Of several pieces one is drawn, by how much of the ray's light it sends, and stands for all.
+struct VoxelMetal {
+    // Part of the ray's light that metal sends. 0: it met none.
+    share: f32,
+    // Where, relative to the anchor, metres.
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    albedo: vec3<f32>,
+    roughness: f32,
+    // Whether light that lamps send to it is accounted for elsewhere.
+    lamps_elsewhere: bool,
+}
+
+fn no_metal() -> VoxelMetal {
+    return VoxelMetal(0.0, vec3(0.0), vec3(0.0, 0.0, 1.0), vec3(0.0), 0.0, false);
+}
+#endif
+
 struct VoxelRay {
     // Relative to the anchor, metres.
     origin: vec3<f32>,
@@ -77,6 +104,9 @@ struct VoxelTrace {
     transmittance: f32,
     // Mean distance of what was met, metres; 0 if nothing was.
     distance: f32,
+#ifdef MIRRORS
+    metal: VoxelMetal,
+#endif
 }
 
 // Whether a position, in voxels from the low corner of a level, is inside.
@@ -96,6 +126,18 @@ struct VoxelCrossing {
     radiance: vec3<f32>,
     // Distance from the entry, in voxels.
     at: f32,
+#ifdef MIRRORS
+    // Opacity of the metal in it, one of its faces, and the distance of that.
+    metal: f32,
+    metal_face: u32,
+    metal_at: f32,
+#endif
+}
+
+fn no_crossing() -> VoxelCrossing {
+    var crossing: VoxelCrossing;
+    crossing.transmittance = 1.0;
+    return crossing;
 }
 
 // Coverage by what has `normal`, of the face that it is turned to most.
@@ -111,33 +153,32 @@ fn plane_coverage(covered: vec2<u32>, normal: vec3<f32>) -> f32 {
 }
 
 #ifdef TRACE_RADIANCE
-// Radiance of a face, from a voxel at up to half a voxel from where it was met: in the mean over rays, this is the
-// linear interpolation between voxels.
-fn smooth_radiance(level: u32, voxel: vec3<i32>, record: u32, face: u32, met: vec3<f32>, seed: u32) -> vec3<f32> {
-    let own = voxel_radiance_unpack(voxel_radiance[6u * record + face]);
+// Record that stands for that of `voxel` where `face` of it was met, at up to half a voxel from there: in the mean over rays,
+// what is read of it is the linear interpolation between voxels.
+fn smooth_record(level: u32, voxel: vec3<i32>, record: u32, face: u32, met: vec3<f32>, seed: u32) -> u32 {
     let random = random_hash(vec3(seed, record, face));
     let jitter = vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z)) - 0.5;
     let other = vec3<i32>(floor(met + jitter));
     if all(other == voxel) || any(other < vec3(0)) || any(other >= vec3(i32(voxel_clipmap.levels[level].bricks) * 4)) {
-        return own;
+        return record;
     }
     let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (other >> vec3(2u)))];
     let index = voxel_index(vec3<u32>(other & vec3(3)));
     if !mask_holds(brick.xy, index) {
-        return own;
+        return record;
     }
     let neighbour = record_index(brick.zw, mask_rank(brick.xy, index));
     if coverage_of_face(voxel_coverage[neighbour], face) == 0.0 {
-        return own;
+        return record;
     }
-    return voxel_radiance_unpack(voxel_radiance[6u * neighbour + face]);
+    return neighbour;
 }
 #endif
 
 // What a ray meets in a voxel whose low corner is at `low`, between `entry` and `span` voxels from there.
 fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: vec3<f32>, span: f32, travelled: f32) -> VoxelCrossing {
     let covered = voxel_coverage[record];
-    var result = VoxelCrossing(1.0, vec3(0.0), 0.0);
+    var result = no_crossing();
 #ifdef PLAIN_CONES
     if march_plainly {
         // One opacity for all directions and one colour for all faces, by the length of the path; the start is kept clear
@@ -221,18 +262,39 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
         weights += weight;
         depth += weight * at;
 #ifdef TRACE_RADIANCE
-        result.radiance += weight * smooth_radiance(level, low, record, face, entry + ray.direction * at, ray.seed);
+        var followed = false;
+#ifdef MIRRORS
+        followed = leave_metal && metal_of_face(covered.y, face);
+        if followed {
+            result.metal += weight;
+            if weight >= random_unit(random_hash(vec3(ray.seed, face, 0x6d657461u)).x) * result.metal {
+                result.metal_face = face;
+                result.metal_at = at;
+            }
+        }
+#endif
+        if !followed {
+            let there = smooth_record(level, low, record, face, entry + ray.direction * at, ray.seed);
+            result.radiance += weight * voxel_radiance_unpack(voxel_radiance[6u * there + face]);
+        }
 #endif
     }
     let opacity = 1.0 - result.transmittance;
     result.radiance *= opacity / max(weights, 1e-6);
+#ifdef MIRRORS
+    result.metal *= opacity / max(weights, 1e-6);
+#endif
     result.at = max(depth / max(weights, 1e-6), 0.0);
     return result;
 }
 
 // What comes along a ray or a cone.
 fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
-    var result = VoxelTrace(vec3(0.0), 1.0, 0.0);
+    var result: VoxelTrace;
+    result.transmittance = 1.0;
+#ifdef MIRRORS
+    result.metal = no_metal();
+#endif
     let reciprocal = select(
         sign(ray.direction) * min(1.0 / max(abs(ray.direction), vec3(1e-20)), vec3(MAX_RECIPROCAL)),
         vec3(MAX_RECIPROCAL),
@@ -283,6 +345,28 @@ fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
             let met = t + size * crossing.at;
             if met < ray.reach {
                 result.radiance += result.transmittance * crossing.radiance;
+#ifdef MIRRORS
+                let part = result.transmittance * crossing.metal;
+                if part > 0.0 {
+                    result.metal.share += part;
+                    if part >= random_unit(random_hash(vec3(ray.seed, step, 0x6d697272u)).x) * result.metal.share {
+                        // Its surface from a voxel nearby, so that normals turn smoothly from voxel to voxel.
+                        let face = crossing.metal_face;
+                        let place = position + ray.direction * crossing.metal_at;
+                        var there = smooth_record(here, vec3<i32>(low), record, face, place, ray.seed);
+                        if !metal_of_face(voxel_coverage[there].y, face) {
+                            there = record;
+                        }
+                        let surface = voxel_surface_unpack(voxel_surfaces[6u * there + face], face);
+                        let bits = voxel_coverage[there].y;
+                        result.metal.position = relative + size * crossing.metal_at * ray.direction;
+                        result.metal.normal = surface.normal;
+                        result.metal.albedo = surface.albedo;
+                        result.metal.roughness = metal_roughness(bits);
+                        result.metal.lamps_elsewhere = ((bits >> (LAMPS_ELSEWHERE_BIT + face)) & 1u) != 0u;
+                    }
+                }
+#endif
                 distances += result.transmittance * (1.0 - crossing.transmittance) * met;
                 result.transmittance *= crossing.transmittance;
                 if result.transmittance < MIN_TRANSMITTANCE {

@@ -143,7 +143,11 @@ pub const INSTANCE_TWO_SIDED: u32 = 1;
 pub const INSTANCE_MIRRORED: u32 = 2;
 /// Bit of [`GpuVoxelInstance::flags`]: what lamps send to it is reflected elsewhere.
 pub const INSTANCE_LAMPS_ELSEWHERE: u32 = 4;
-/// Bit of the second word of a record's coverage that says so of its first face; those of the others follow.
+/// Bit of [`GpuVoxelInstance::flags`]: metal, whose perceptual roughness is in the flags' high byte (unorm8).
+pub const INSTANCE_METAL: u32 = 8;
+/// First bit of that roughness.
+pub const INSTANCE_ROUGHNESS_BIT: u32 = 24;
+/// Bit of the second word of a record's coverage that says of its first face that lamps' light is reflected elsewhere; those of the others follow.
 pub const LAMPS_ELSEWHERE_BIT: u32 = 16;
 
 /// Triangles of a cluster, and invocations that share one.

@@ -24,6 +24,8 @@ const ONE_SURFACE: u32 = 0xffffffffu;
 const INSTANCE_TWO_SIDED: u32 = 1u;
 const INSTANCE_MIRRORED: u32 = 2u;
 const INSTANCE_LAMPS_ELSEWHERE: u32 = 4u;
+const INSTANCE_METAL: u32 = 8u;
+const INSTANCE_ROUGHNESS_BIT: u32 = 24u;
 // Of the second word of a record's coverage, for its first face.
 const LAMPS_ELSEWHERE_BIT: u32 = 16u;
 const CLUSTER_TRIANGLES: u32 = 64u;

@@ -4,9 +4,10 @@ use crate::arena::Arena;
 use crate::buffers::encoded;
 use crate::scene::{GeometryKey, SceneInstance, SurfaceKey, VoxelScene};
 use crate::types::{
-    GpuVoxelCluster, GpuVoxelInstance, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_MIRRORED,
-    INSTANCE_TWO_SIDED, ONE_SURFACE,
+    GpuVoxelCluster, GpuVoxelInstance, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_METAL, INSTANCE_MIRRORED,
+    INSTANCE_ROUGHNESS_BIT, INSTANCE_TWO_SIDED, ONE_SURFACE,
 };
+use akari_math::voxel::packing::unorm_pack;
 use bevy::math::DVec3;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
@@ -289,6 +290,9 @@ fn gpu_instance(
     }
     if instance.surface.lamps_elsewhere {
         flags |= INSTANCE_LAMPS_ELSEWHERE;
+    }
+    if let Some(roughness) = instance.surface.metal {
+        flags |= INSTANCE_METAL | unorm_pack(roughness) << INSTANCE_ROUGHNESS_BIT;
     }
     if matrix.determinant() < 0.0 {
         flags |= INSTANCE_MIRRORED;

@@ -5,13 +5,14 @@
 // so that a brick that is made again comes out the same, bit by bit.
 
 #import akari_math::voxel::coverage::triangle_in_cube
+#import akari_math::voxel::mirror::{metal_pack, spread_roughness}
 #import akari_math::voxel::packing::{
     VoxelSurface, coverage_pack, unorm_unpack, voxel_radiance_pack, voxel_radiance_unpack, voxel_surface_pack,
 }
 #import akari_voxel_gi::store::{VoxelRecord, clipmap, dirty_bricks, job, pool, store_brick}
 #import akari_voxel_gi::types::{
-    COUNTER_CLIPPED, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_MIRRORED, INSTANCE_TWO_SIDED, INWARD_SHIFT, LAMPS_ELSEWHERE_BIT,
-    ONE_SURFACE, VoxelCluster, VoxelInstance, slot_of_brick,
+    COUNTER_CLIPPED, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_METAL, INSTANCE_MIRRORED, INSTANCE_ROUGHNESS_BIT,
+    INSTANCE_TWO_SIDED, INWARD_SHIFT, LAMPS_ELSEWHERE_BIT, ONE_SURFACE, VoxelCluster, VoxelInstance, slot_of_brick,
 }
 
 @group(1) @binding(0) var<storage, read> instances: array<VoxelInstance>;
@@ -31,6 +32,9 @@ var<workgroup> corner_a: array<vec3<f32>, 64>;
 var<workgroup> corner_b: array<vec3<f32>, 64>;
 var<workgroup> corner_c: array<vec3<f32>, 64>;
 var<workgroup> triangle_surface: array<vec2<u32>, 64>;
+// Perceptual roughness of metal; NO_METAL of what is none.
+var<workgroup> triangle_metal: array<f32, 64>;
+const NO_METAL: f32 = -1.0;
 
 // For which of the invocations `yes` holds, as 64 bits.
 fn vote(lane: u32, yes: bool) -> vec2<u32> {
@@ -76,6 +80,11 @@ struct Sums {
     place: array<vec3<f32>, 6>,
     // What reflects lamps elsewhere, of the area.
     elsewhere: array<f32, 6>,
+    // What is metal, of the area.
+    metal: array<f32, 6>,
+    // Over all faces: metal, and its perceptual roughness weighted with that.
+    metal_area: f32,
+    roughness: f32,
 #ifdef EMISSIVE
     emission: array<vec3<f32>, 6>,
 #endif
@@ -83,12 +92,17 @@ struct Sums {
 
 var<private> sums: Sums;
 
-fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: vec3<f32>, elsewhere: f32, shine: vec3<f32>) {
+fn add_to_face(face: u32, weight: f32, albedo: vec3<f32>, normal: vec3<f32>, place: vec3<f32>, elsewhere: f32, metal: f32, shine: vec3<f32>) {
     sums.area[face] += weight;
     sums.albedo[face] += weight * albedo;
     sums.normal[face] += weight * normal;
     sums.place[face] += weight * place;
     sums.elsewhere[face] += weight * elsewhere;
+    if metal != NO_METAL {
+        sums.metal[face] += weight;
+        sums.metal_area += weight;
+        sums.roughness += weight * metal;
+    }
 #ifdef EMISSIVE
     sums.emission[face] += weight * shine;
 #endif
@@ -125,13 +139,14 @@ fn add_triangle(index: u32, voxel: vec3<f32>) {
 #else
     let shine = vec3<f32>(0.0);
 #endif
+    let metal = triangle_metal[index];
     let place = clamp(covered.centroid, vec3<f32>(0.0), vec3<f32>(1.0));
     for (var axis = 0u; axis < 3u; axis += 1u) {
         let weight = abs(covered.area[axis]) * there;
         let face = 2u * axis + select(0u, 1u, covered.area[axis] < 0.0);
-        add_to_face(face, weight, albedo, unit, place, elsewhere, shine);
+        add_to_face(face, weight, albedo, unit, place, elsewhere, metal, shine);
         if two_sided {
-            add_to_face(face ^ 1u, weight, albedo, -unit, place, elsewhere, shine);
+            add_to_face(face ^ 1u, weight, albedo, -unit, place, elsewhere, metal, shine);
         }
     }
 }
@@ -181,6 +196,10 @@ fn load_triangle(lane: u32, instance: VoxelInstance, index: u32, corner: vec3<f3
     corner_b[lane] = b;
     corner_c[lane] = c;
     triangle_surface[lane] = packed;
+    triangle_metal[lane] = NO_METAL;
+    if (instance.flags & INSTANCE_METAL) != 0u {
+        triangle_metal[lane] = unorm_unpack(instance.flags >> INSTANCE_ROUGHNESS_BIT);
+    }
     return (packed.x >> 25u) != 0u;
 }
 
@@ -252,6 +271,9 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     }
     var record: VoxelRecord;
     var most = 0.0;
+    var metal_faces = 0u;
+    // Of the normals of metal, over all faces.
+    var mean_length = 0.0;
     for (var face = 0u; face < 6u; face += 1u) {
         let area = sums.area[face];
         most = max(most, area);
@@ -261,6 +283,10 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         let axis = face >> 1u;
         var normal = sums.normal[face];
         let length = sqrt(dot(normal, normal));
+        if 2.0 * sums.metal[face] > area {
+            metal_faces |= 1u << face;
+        }
+        mean_length += sums.metal[face] * min(length * scale, 1.0);
         if length > 1e-12 {
             normal = normal / length;
         } else {
@@ -283,6 +309,10 @@ fn voxelize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
         if 2.0 * sums.elsewhere[face] > sums.area[face] {
             record.coverage.y |= 1u << (LAMPS_ELSEWHERE_BIT + face);
         }
+    }
+    if metal_faces != 0u {
+        let metal = 1.0 / max(sums.metal_area, 1e-20);
+        record.coverage.y |= metal_pack(metal_faces, spread_roughness(sums.roughness * metal, mean_length * metal));
     }
     store_brick(lane, slot_of_brick(level, dirty.brick), most >= LEAST_COVERAGE, record);
 }

@@ -23,6 +23,7 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
     ("store.wgsl", include_str!("../src/store.wgsl")),
     ("trace.wgsl", include_str!("../src/trace.wgsl")),
+    ("mirrors.wgsl", include_str!("../src/mirrors.wgsl")),
     ("sky.wgsl", SKY),
     ("records.wgsl", include_str!("../src/records.wgsl")),
     ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
@@ -107,6 +108,7 @@ fn cones() -> Entry {
             &[&[], &["WANG_LOBES"]],
             &[&[], &["SPECULAR"], &["BESIDE_SPECULAR"]],
             &[&[], &["SKY_MAP"]],
+            &[&[], &["MIRRORS"]],
             &[&[], &["PLAIN_CONES"]],
         ]),
     }
@@ -241,6 +243,8 @@ fn constants_agree() {
         ("INSTANCE_MIRRORED", INSTANCE_MIRRORED),
         ("INSTANCE_LAMPS_ELSEWHERE", INSTANCE_LAMPS_ELSEWHERE),
         ("LAMPS_ELSEWHERE_BIT", LAMPS_ELSEWHERE_BIT),
+        ("INSTANCE_METAL", INSTANCE_METAL),
+        ("INSTANCE_ROUGHNESS_BIT", INSTANCE_ROUGHNESS_BIT),
         ("CLUSTER_TRIANGLES", CLUSTER_TRIANGLES),
         ("POOL_HEADER", POOL_HEADER),
         ("POOL_FREE", POOL_FREE),
@@ -491,7 +495,7 @@ fn the_uniform_of_the_surroundings_has_one_layout() {
         rotation: x(3.0).extend(0.0),
         last_level: 4.0,
         interior_count: 5,
-        pad_a: 6,
+        light_count: 6,
         pad_b: 7,
         ..Default::default()
     };
@@ -502,7 +506,7 @@ fn the_uniform_of_the_surroundings_has_one_layout() {
         ("rotation", bits(3.0)),
         ("last_level", bits(4.0)),
         ("interior_count", 5),
-        ("pad_a", 6),
+        ("light_count", 6),
         ("pad_b", 7),
         ("interiors", bits(8.0)),
     ];

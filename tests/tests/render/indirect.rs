@@ -10,7 +10,9 @@ use bevy_akari_tests::headless_or_skip;
 /// Side of the pictures.
 const SIDE: u32 = 32;
 /// Samples a pixel of the references.
-const SPP: u32 = 256;
+///
+/// With 256, the noise of the caustic of the metal block is 16 % of all indirect light (relative RMS), with these 6 %.
+const SPP: u32 = 2048;
 /// Bounces beyond which what is left is below a thousandth.
 const ALL_BOUNCES: u32 = 16;
 
@@ -77,10 +79,9 @@ fn indirect_light_has_the_energy_of_the_reference() {
     if headless_or_skip("indirect_light").is_none() {
         return;
     }
-    // A closed room of one albedo: 1 % too dark. And a room with two coloured walls and a metal block, whose caustics are
-    // missing from ours (metals bounce diffusely in voxels) and are most of its error: with a Lambert block in its place,
-    // 14 %.
-    for (name, most_bias, most_error) in [("furnace", 0.03, 0.08), ("cornell", 0.05, 0.40)] {
+    // A closed room of one albedo: 1 % too dark. And a room with two coloured walls and a metal block that is almost a mirror,
+    // whose caustics pixels meet by chance: their noise is most of its error. With a Lambert block in its place, 14 %.
+    for (name, most_bias, most_error) in [("furnace", 0.03, 0.08), ("cornell", 0.05, 0.30)] {
         let (ours, truth) = (drawn(name), traced(name));
         let bias = ours.mean() / truth.mean() - 1.0;
         let error = ours.relative_rmse(&truth);

@@ -436,7 +436,7 @@ fn reflectors_come_and_go_with_their_passes_memory_and_pipelines() {
 /// Voxels and reflectors together: neither leaves light out that the other does not have, nor counts it twice.
 #[test]
 fn voxels_and_reflectors_share_the_light() {
-    let Some(mut room) = Room::new("voxels_and_reflectors", "cornell", 40, 256) else {
+    let Some(mut room) = Room::new("voxels_and_reflectors", "cornell", 40, 2048) else {
         return;
     };
     let surfaces = room.surfaces.clone();

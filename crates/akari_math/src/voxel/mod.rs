@@ -7,6 +7,7 @@
 pub mod brick;
 pub mod cone;
 pub mod coverage;
+pub mod mirror;
 pub mod packing;
 pub mod schedule;
 pub mod slice;

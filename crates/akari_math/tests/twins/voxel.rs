@@ -2,13 +2,14 @@
 
 use crate::harness::{Case, Mutation, Random, absolute, domain, push3, rows, ulp, ulp_of, vec3};
 use akari_math::random;
-use akari_math::voxel::{brick, cone, packing, schedule, slice};
+use akari_math::voxel::{brick, cone, mirror, packing, schedule, slice};
 use glam::{IVec3, UVec2, UVec3, Vec2, Vec3, Vec4};
 
 const BRICK: &str = "akari_math::voxel::brick";
 const PACKING: &str = "akari_math::voxel::packing";
 const CONE: &str = "akari_math::voxel::cone";
 const SCHEDULE: &str = "akari_math::voxel::schedule";
+const MIRROR: &str = "akari_math::voxel::mirror";
 const SLICE: &str = "akari_math::voxel::slice";
 const RANDOM: &str = "akari_math::random";
 
@@ -476,6 +477,59 @@ fn slices() -> Vec<Case> {
     }]
 }
 
+fn mirrors() -> Vec<Case> {
+    vec![Case {
+        module: MIRROR,
+        functions: &["metal_pack", "metal_of_face", "metal_roughness", "spread_roughness", "edge_crosses_axis"],
+        imports: "",
+        body: "let word = metal_pack(u32(x(0u)), x(1u)); let face = u32(x(2u));
+            y(0u, f32(word >> 16u)); y(1u, f32(word & 0xffffu)); y(2u, select(0.0, 1.0, metal_of_face(word, face)));
+            y(3u, metal_roughness(word)); let spread = spread_roughness(x(1u), x(3u)); y(4u, spread * spread * spread * spread);
+            y(5u, select(0.0, 1.0, edge_crosses_axis(vec2(x(4u), x(5u)), vec2(x(6u), x(7u)))));",
+        inputs: 8,
+        outputs: 6,
+        twin: |x, y| {
+            let word = mirror::metal_pack(x[0] as u32, x[1]);
+            let crosses = mirror::edge_crosses_axis(Vec2::new(x[4], x[5]), Vec2::new(x[6], x[7]));
+            y.extend([
+                (word >> 16) as f32,
+                (word & 0xffff) as f32,
+                f32::from(u8::from(mirror::metal_of_face(word, x[2] as u32))),
+                mirror::metal_roughness(word),
+                mirror::spread_roughness(x[1], x[3]).powi(4),
+                f32::from(u8::from(crosses)),
+            ]);
+        },
+        oracle: Some(|x, y| {
+            let faces = x[0] as u64 & 0x3f;
+            let step = (x[1] * 15.0 + 0.5).floor();
+            // Where the edge meets the axis.
+            let meets = (x[5] < 0.0) != (x[7] < 0.0) && x[4] - x[5] * (x[6] - x[4]) / (x[7] - x[5]) > 0.0;
+            y.extend([
+                (((faces << 22) + ((step as u64) << 28)) >> 16) as f64,
+                0.0,
+                ((faces >> (x[2] as u64)) & 1) as f64,
+                step / 15.0,
+                (x[1].powi(4) + 2.0 * (1.0 - x[3])).min(1.0),
+                f64::from(u8::from(meets)),
+            ]);
+        }),
+        // Corners at whole numbers, so that no product is rounded.
+        domains: vec![domain("metal", rows(913, 500, |r, row| {
+            row.extend([(r.next() % 64) as f32, r.range(0.0, 1.0), (r.next() % 6) as f32]);
+            row.push(if r.next() % 3 == 0 { 1.0 } else { r.range(0.4, 1.0) });
+            row.extend((0..4).map(|_| (r.next() % 17) as f32 - 8.0));
+        }), absolute(2e-6), absolute(2e-6))],
+        mutations: vec![
+            mutation(MIRROR, "METAL_BIT: u32 = 22u", "METAL_BIT: u32 = 21u"),
+            mutation(MIRROR, "ROUGHNESS_BITS: u32 = 4u", "ROUGHNESS_BITS: u32 = 3u"),
+            mutation(MIRROR, "2.0 * (1.0 - clamp", "1.9 * (1.0 - clamp"),
+            mutation(MIRROR, "(a.y < 0.0) == (b.y < 0.0)", "(a.y <= 0.0) == (b.y < 0.0)"),
+            mutation(MIRROR, "select((side < 0.0), (side > 0.0), b.y > a.y)", "side > 0.0"),
+        ],
+    }]
+}
+
 fn random_numbers() -> Vec<Case> {
     vec![Case {
         module: RANDOM,
@@ -517,6 +571,7 @@ pub fn cases() -> Vec<Case> {
     cases.extend(records());
     cases.extend(cones());
     cases.extend(slices());
+    cases.extend(mirrors());
     cases.extend(random_numbers());
     cases
 }

@@ -3,7 +3,7 @@
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
 #import akari_math::area_light::{diffuse_transmission, specular_albedo, surface_reflectance}
-#import akari_math::frame::shading_frame
+#import akari_math::frame::{orthonormal_basis, shading_frame}
 #import akari_math::ggx::{fresnel_schlick, ggx_ndf, ggx_reflection_lobe, smith_visibility}
 #import akari_math::ltc::lookup::{
     diffuse_fresnel, ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_specular_integral, ltc_uv,
@@ -12,11 +12,14 @@
     lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new, ltc_polygon_add_edge, ltc_polygon_close,
     ltc_polygon_new,
 }
-#import akari_math::reflector::{image_sharpness, lobe_landing, refined_peak, tail_sharpness, triangle_weights}
+#import akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness, triangle_weights}
 #import akari_math::sg::lobe::sg_product_unit
 #import akari_math::sg::mirrored_light::{sg_mirrored_direction, sg_mirrored_light}
+#import akari_math::sg::elliptic::{
+    EllipticLobe, elliptic_direction, elliptic_lobe, elliptic_normal, elliptic_stretch, elliptic_value, elliptic_versine,
+    lobe_ring_add, lobe_ring_new, RING_NODES, ring_place, ring_weight,
+}
 #ifdef COSINE_LOBES
-#import akari_math::frame::orthonormal_basis
 #import akari_math::sg::ltc::{
     sg_ltc_polygon_add_edge, sg_ltc_polygon_close, sg_ltc_polygon_new, sg_ltc_share, sg_mixture,
 }
@@ -65,9 +68,9 @@ const LEAST_SHARE: f32 = 1.0 / 256.0;
 // By how much a GGX lobe may be denser than its spherical Gaussian.
 const LOBE_MARGIN: f32 = 2.0;
 const TWO_PI: f32 = 6.28318531;
-// Longest step, in radians, at which a product of lobes is looked at, and its largest fall there, as a logarithm.
-const MOST_STEP: f32 = 0.5;
-const MOST_FALL: f32 = 8.0;
+// Step at which a product of lobes is looked at, in widths of that of their Gaussians, and its largest, in radians.
+const FIT_STEP: f32 = 2.0;
+const MOST_STEP: f32 = 0.7;
 // Largest sharpness of a receiver's lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -120,6 +123,7 @@ struct Seen {
     // Of a rectangle.
     d: vec3<f32>,
     rectangle: bool,
+    // Normals at the corners; of a rectangle that of its middle and its change over half of both sides.
     normal_a: vec3<f32>,
     normal_b: vec3<f32>,
     normal_c: vec3<f32>,
@@ -173,14 +177,17 @@ fn see_cluster(cluster: Cluster, offset: vec3<f32>, side: f32) -> Seen {
     seen.b = offset + cluster.axis_u - cluster.axis_v;
     seen.c = offset + cluster.axis_u + cluster.axis_v;
     seen.d = offset - cluster.axis_u + cluster.axis_v;
+    seen.normal_a = side * cluster.normal;
+    seen.normal_b = side * cluster.bend_u;
+    seen.normal_c = side * cluster.bend_v;
     if side < 0.0 {
         let b = seen.b;
         seen.b = seen.d;
         seen.d = b;
+        let along = seen.normal_b;
+        seen.normal_b = seen.normal_c;
+        seen.normal_c = along;
     }
-    seen.normal_a = side * cluster.normal;
-    seen.normal_b = seen.normal_a;
-    seen.normal_c = seen.normal_a;
     seen.side = side;
     seen.rectangle = true;
     seen.visible = true;
@@ -192,8 +199,8 @@ fn corner_count(seen: Seen) -> u32 {
     return select(3u, 4u, seen.rectangle);
 }
 
-// The corner at a place, along the axes of the shading frame.
-fn corner(receiver: Receiver, seen: Seen, place: u32) -> vec3<f32> {
+// The corner at a place, along the columns of a frame.
+fn corner(frame: mat3x3<f32>, seen: Seen, place: u32) -> vec3<f32> {
     var at = seen.d;
     if place == 0u {
         at = seen.a;
@@ -202,7 +209,7 @@ fn corner(receiver: Receiver, seen: Seen, place: u32) -> vec3<f32> {
     } else if place == 2u {
         at = seen.c;
     }
-    return at * receiver.frame;
+    return at * frame;
 }
 
 // Weights of the corners of a triangle at its point nearest to `point`; of a rectangle the place along both sides, -1 to 1.
@@ -232,9 +239,24 @@ fn point_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
 
 fn normal_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
     if seen.rectangle {
-        return seen.normal_a;
+        return safe_normalize(seen.normal_a + weights.x * seen.normal_b + weights.y * seen.normal_c, seen.normal_a);
     }
     return safe_normalize(weights.x * seen.normal_a + weights.y * seen.normal_b + weights.z * seen.normal_c, seen.normal_a);
+}
+
+fn middle_of(seen: Seen) -> vec3<f32> {
+    if seen.rectangle {
+        return 0.5 * (seen.a + seen.c);
+    }
+    return (seen.a + seen.b + seen.c) / 3.0;
+}
+
+// Whether normals turn from one side to the other. `face` is the normal of the plane.
+fn bends(seen: Seen, face: vec3<f32>) -> bool {
+    if seen.rectangle {
+        return 0.5 * max(dot(seen.normal_b, seen.normal_b), dot(seen.normal_c, seen.normal_c)) > FLAT;
+    }
+    return 1.0 - min(dot(face, seen.normal_a), dot(face, seen.normal_b)) > FLAT;
 }
 
 // Light of a patch, or of a cluster, at the point of these weights.
@@ -266,11 +288,11 @@ fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorM
     }
     let frame = receiver.frame;
     let count = corner_count(seen);
-    var before = corner(receiver, seen, count - 1u);
+    var before = corner(frame, seen, count - 1u);
     if !receiver.glossy {
         var polygon = lambert_polygon_new();
         for (var k = 0u; k < count; k++) {
-            let next = corner(receiver, seen, k);
+            let next = corner(frame, seen, k);
             lambert_polygon_add_edge(&polygon, before, next);
             before = next;
         }
@@ -283,7 +305,7 @@ fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorM
     }
     var polygon = ltc_polygon_new();
     for (var k = 0u; k < count; k++) {
-        let next = corner(receiver, seen, k);
+        let next = corner(frame, seen, k);
         ltc_polygon_add_edge(&polygon, receiver.layer.m_inv, before, next);
         before = next;
     }
@@ -345,10 +367,10 @@ fn reflect_light(receiver: Receiver, material: ReflectorMaterial, light: Light, 
 }
 
 // Integral of a lobe of unit amplitude over what is seen, above the pixel's horizon.
-fn lobe_over(receiver: Receiver, seen: Seen, axis_ws: vec3<f32>, sharpness: f32) -> f32 {
-    let axis = axis_ws * receiver.frame;
+// Both are given along the columns of `frame`, whose third is the normal of the horizon's plane.
+fn lobe_over(frame: mat3x3<f32>, seen: Seen, axis: vec3<f32>, sharpness: f32) -> f32 {
     let count = corner_count(seen);
-    var before = corner(receiver, seen, count - 1u);
+    var before = corner(frame, seen, count - 1u);
     var nodes = settings.nodes;
 #ifdef COSINE_LOBES
     nodes = 4u;
@@ -356,14 +378,14 @@ fn lobe_over(receiver: Receiver, seen: Seen, axis_ws: vec3<f32>, sharpness: f32)
     let share = sg_ltc_share(sharpness);
     if share > 0.0 {
         let mixture = sg_mixture(settings.lobes, sharpness);
-        let frame = orthonormal_basis(axis);
+        let lobe_frame = orthonormal_basis(axis);
         var cosines = sg_ltc_polygon_new();
         for (var k = 0u; k < count; k++) {
-            let next = corner(receiver, seen, k);
-            sg_ltc_polygon_add_edge(&cosines, frame, mixture, before, next);
+            let next = corner(frame, seen, k);
+            sg_ltc_polygon_add_edge(&cosines, lobe_frame, mixture, before, next);
             before = next;
         }
-        sg_ltc_polygon_close(&cosines, frame, mixture);
+        sg_ltc_polygon_close(&cosines, lobe_frame, mixture);
         mixed = max(cosines.integral, 0.0);
         if share >= 1.0 {
             return mixed;
@@ -373,7 +395,7 @@ fn lobe_over(receiver: Receiver, seen: Seen, axis_ws: vec3<f32>, sharpness: f32)
     let rule = sg_rule(nodes, sharpness);
     var polygon = sg_polygon_new();
     for (var k = 0u; k < count; k++) {
-        let next = corner(receiver, seen, k);
+        let next = corner(frame, seen, k);
         sg_polygon_add_edge(&polygon, axis, rule, before, next);
         before = next;
     }
@@ -390,7 +412,7 @@ fn lobe_over(receiver: Receiver, seen: Seen, axis_ws: vec3<f32>, sharpness: f32)
 // falls more slowly from one side to the other.
 fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, face: vec3<f32>, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
     let landing = lobe_landing(axis, seen.a, seen.b, seen.c);
-    let middle = (seen.a + seen.b + seen.c) / 3.0;
+    let middle = middle_of(seen);
     let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
     let from_landing = point - landing;
     let inside = length(from_landing) <= ON_PLANE * size;
@@ -420,36 +442,51 @@ fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light,
     return reflect_light(receiver, material, light, point, normal).radiance * brdf * cosine;
 }
 
-// Axis and sharpness of the product of the light from a mirror and the pixel's lobe, from its values around that of their
-// Gaussians: along the pixel's plane of incidence, where its lobe is long, and across it.
-fn refine_product(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, sharpness: f32) -> vec4<f32> {
-    let step = min(inverseSqrt(max(sharpness, 1.0)), MOST_STEP);
-    let across = safe_normalize(cross(receiver.normal_ws, axis), receiver.frame[1]);
-    let along = cross(axis, across);
-    var logs = array<f32, 5>(0.0, 0.0, 0.0, 0.0, 0.0);
-    for (var i = 0u; i < 5u; i++) {
-        var turned = axis;
-        if i == 1u {
-            turned -= step * along;
-        } else if i == 2u {
-            turned += step * along;
-        } else if i == 3u {
-            turned -= step * across;
-        } else if i == 4u {
-            turned += step * across;
+// The light from a mirror that the pixel's specular lobe sends on: an elliptic lobe about the peak of both together, over what
+// is seen, times the mean of what both are over it at the nodes of a rule for Gaussians. Nodes beside the mirror count at its
+// nearest point, so that what is small against the lobe is looked at where it is.
+//
+// `product` is that of their Gaussians. Its values around the axis correct it: from their logarithms, a parabola.
+fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, product_axis: vec3<f32>, product_sharpness: f32) -> vec3<f32> {
+    let step = min(FIT_STEP * inverseSqrt(max(product_sharpness, 1.0)), MOST_STEP);
+    let basis = orthonormal_basis(product_axis);
+    var lobe: EllipticLobe;
+    var ring = lobe_ring_new();
+    var local = 0.0;
+    var weights_sum = 0.0;
+    var sum = vec3(0.0);
+    for (var i = 0u; i < 2u * RING_NODES; i++) {
+        let place = ring_place(i % RING_NODES);
+        if i == RING_NODES {
+            lobe = elliptic_lobe(product_axis, basis, step, ring, product_sharpness);
+            let direction = safe_normalize(point_of(seen, look(seen, lobe.axis)), lobe.axis);
+            local = tail_sharpness(lobe.sharpness, elliptic_versine(lobe, direction));
         }
-        let direction = safe_normalize(turned, axis);
-        let landing = lobe_landing(direction, seen.a, seen.b, seen.c);
-        let normal = normal_of(seen, nearest_weights(seen, landing));
-        let value = mirrored_twice(receiver, material, light, landing, direction, normal);
-        logs[i] = max(log(max(value.x + value.y + value.z, MIN_RADIANCE)), logs[0] - MOST_FALL);
-        if i == 0u {
-            logs[0] = log(max(value.x + value.y + value.z, MIN_RADIANCE));
+        var direction = safe_normalize(product_axis + step * (place.x * basis[0] + place.y * basis[1]), product_axis);
+        var weights = look(seen, direction);
+        var point = lobe_landing(direction, seen.a, seen.b, seen.c);
+        if i >= RING_NODES {
+            weights = look(seen, elliptic_direction(lobe, place));
+            point = point_of(seen, weights);
+            direction = safe_normalize(point, lobe.axis);
+        }
+        let value = mirrored_twice(receiver, material, light, point, direction, normal_of(seen, weights));
+        if i < RING_NODES {
+            ring = lobe_ring_add(ring, place, log(max(value.x + value.y + value.z, MIN_RADIANCE)));
+        } else if dot(receiver.normal_ws, direction) > 0.0 {
+            let weight = ring_weight(i % RING_NODES);
+            weights_sum += weight;
+            sum += weight * value / elliptic_value(lobe, local, direction);
         }
     }
-    let first = refined_peak(logs[1], logs[0], logs[2], step, sharpness);
-    let second = refined_peak(logs[3], logs[0], logs[4], step, sharpness);
-    return vec4(safe_normalize(axis + first.x * along + second.x * across, axis), sqrt(first.y * second.y));
+    if weights_sum <= 0.0 {
+        return vec3(0.0);
+    }
+    // The ellipse is a circle where the axes are stretched; so is the horizon a plane there.
+    let stretch = elliptic_stretch(lobe);
+    let horizon = safe_normalize(elliptic_normal(lobe, receiver.normal_ws), vec3(0.0, 0.0, 1.0));
+    let frame = orthonormal_basis(horizon);
+    return sum / weights_sum * lobe_over(stretch * frame, seen, vec3(0.0, 0.0, 1.0) * frame, local);
 }
 
 // From a light by way of a glossy triangle and the pixel to the camera.
@@ -490,23 +527,15 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         let local = tail_sharpness(sharpness, away);
         let cosine = max(dot(receiver.normal_ws, direction), 0.0);
         var radiance = reflect_light(receiver, material, light, point, normal_of(seen, weights)).radiance;
-        if 1.0 - dot(face, seen.normal_a) > FLAT || 1.0 - dot(face, seen.normal_b) > FLAT {
+        if bends(seen, face) {
             radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, radiance);
         }
         let peak = radiance * (cosine * exp(local * away));
-        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver, seen, lobe.axis, local);
+        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
     }
     if receiver.glossy {
         let product = sg_product_unit(lobe.axis, sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
-        let refined = refine_product(receiver, seen, material, light, product.axis, product.sharpness);
-        let weights = look(seen, refined.xyz);
-        let point = point_of(seen, weights);
-        let direction = safe_normalize(point, refined.xyz);
-        let offset = direction - refined.xyz;
-        let away = 0.5 * dot(offset, offset);
-        let local = tail_sharpness(refined.w, away);
-        let reflected = mirrored_twice(receiver, material, light, point, direction, normal_of(seen, weights));
-        sum += reflected * exp(local * away) * lobe_over(receiver, seen, refined.xyz, local);
+        sum += through_both(receiver, seen, material, light, product.axis, product.sharpness);
     }
     return sum;
 }

@@ -203,7 +203,9 @@ fn layouts_agree() {
         rim: 13.0,
         area: 14.0,
         flags: 15,
-        pad: 16,
+        stray: 16.0,
+        bend_u: at(17.0),
+        bend_v: at(18.0),
     };
     let fields = [
         ("center", float(1.0)),
@@ -221,7 +223,9 @@ fn layouts_agree() {
         ("rim", float(13.0)),
         ("area", float(14.0)),
         ("flags", 15),
-        ("pad", 16),
+        ("stray", float(16.0)),
+        ("bend_u", float(17.0)),
+        ("bend_v", float(18.0)),
     ];
     assert_eq!(fault("Cluster", &cluster, &fields), None);
     let light = GpuClusterLight {

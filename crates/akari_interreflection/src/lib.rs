@@ -83,6 +83,9 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "lights.wgsl");
         load_shader_library!(app, "clusters.wgsl");
+        load_shader_library!(app, "bindings.wgsl");
+        load_shader_library!(app, "receiver.wgsl");
+        load_shader_library!(app, "mirror.wgsl");
         embedded_asset!(app, "aggregate.wgsl");
         embedded_asset!(app, "irradiance.wgsl");
         embedded_asset!(app, "shade.wgsl");

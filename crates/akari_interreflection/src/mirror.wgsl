@@ -39,6 +39,10 @@ const MOST_STEP: f32 = 0.7;
 const STARTS: u32 = 3u;
 // Size of a mirror, in widths of its lobe, from which it is looked at at more than one place.
 const LEAST_WIDTHS: f32 = 1.0;
+// Share that the roughness of a mirror has in the width of its lobe, from where that counts as the light's image to where it
+// counts as the lobe of a point.
+const LEAST_BLUR: f32 = 0.4;
+const MOST_BLUR: f32 = 0.9;
 // Largest sharpness of a lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -173,6 +177,8 @@ fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light,
 // parabola.
 fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, mirror_axis: vec3<f32>, mirror_sharpness: f32) -> vec3<f32> {
     let product = sg_product_unit(mirror_axis, mirror_sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
+    let between = mirror_axis - receiver.lobe_axis;
+    let apart = 0.5 * dot(between, between);
     var start = product.axis;
     var sharpness = product.sharpness;
     var most = 0.0;
@@ -215,9 +221,9 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
         if i < STARTS {
             var width = product.sharpness;
             if i == 1u {
-                width = mirror_sharpness;
+                width = mirror_sharpness + tail_sharpness(receiver.lobe_sharpness, apart);
             } else if i == 2u {
-                width = receiver.lobe_sharpness;
+                width = receiver.lobe_sharpness + tail_sharpness(mirror_sharpness, apart);
             }
             if brightness > most * max(width, 1.0) {
                 most = brightness / max(width, 1.0);
@@ -243,11 +249,13 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
 }
 
 // What a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the value
-// there, where the mirror is as large as the lobe; 1 where it is small.
-fn mean_over_lobe(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, local: f32, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
+// there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image of
+// the light: `blur` is the lobe's sharpness over that of the image of a point. A disc has no tails, and the Gaussian holds its
+// light.
+fn mean_over_lobe(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, blur: f32, local: f32, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
     let size = max(length(seen.c - seen.a), length(seen.b - seen.a));
     let widths = size * sqrt(local) / max(length(point), TINY);
-    let share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths);
+    let share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
     if share <= 0.0 {
         return vec3(1.0);
     }
@@ -305,6 +313,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
     }
     var sum = vec3(0.0);
     if any(receiver.diffuse_albedo > vec3(0.0)) {
+        let blur = sharpness * lobe.inverse_sharpness;
         let weights = look(seen, lobe.axis);
         let point = point_of(seen, weights);
         let direction = safe_normalize(point, lobe.axis);
@@ -317,7 +326,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         if bends(seen, face) {
             radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, flat);
         }
-        radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, local, point, flat);
+        radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
         let peak = radiance * (cosine * exp(local * away));
         sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
     }

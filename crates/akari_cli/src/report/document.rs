@@ -59,8 +59,26 @@ pub struct Reference {
     pub spp: u32,
     /// Longest path, segments.
     pub max_depth: u32,
-    /// Relative RMS of what is left of its own noise: errors below it say nothing.
+    /// Relative RMS of what is left of its own noise.
     pub noise: Option<f64>,
+}
+
+impl Reference {
+    /// What of a relative RMSE against this reference is the picture's own: the reference's noise has nothing to do with
+    /// the picture, so that their squares add up. Below a quarter of the noise nothing can be told, and that is what is
+    /// returned.
+    pub fn own_error(&self, rel_rmse: f64) -> f64 {
+        /// The noise is an estimate, itself good to a few hundredths; so is its square, and a sixteenth of that stands out.
+        const RESOLVED: f64 = 0.25;
+        let noise = self.noise.unwrap_or(0.0);
+        let excess = rel_rmse * rel_rmse - noise * noise;
+        // What is not a number stays one that is not.
+        if excess < (RESOLVED * noise) * (RESOLVED * noise) {
+            RESOLVED * noise
+        } else {
+            excess.sqrt()
+        }
+    }
 }
 
 /// One setting.
@@ -194,6 +212,25 @@ mod tests {
             front(&[(1.0, 0.1), (1.03, 0.1), (1.2, 0.1), (1.2, 0.09)]),
             [true, true, false, true]
         );
+    }
+
+    #[test]
+    fn noise_of_the_reference_is_not_the_pictures_error() {
+        let reference = Reference {
+            spp: 1,
+            max_depth: 2,
+            noise: Some(0.04),
+        };
+        assert!((reference.own_error(0.05) - 0.03).abs() < 1e-12);
+        // Nothing is known below a part of the noise, not even that it is zero.
+        assert_eq!(reference.own_error(0.04), 0.01);
+        assert_eq!(reference.own_error(0.02), 0.01);
+        assert!(reference.own_error(f64::NAN).is_nan());
+        let silent = Reference {
+            noise: None,
+            ..reference
+        };
+        assert_eq!(silent.own_error(0.05), 0.05);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! From curves to the ladders that a frame budget climbs.
 
-use super::document::{Report, front};
+use super::document::{Point, Report, front};
 use bevy_akari::budget::ladders::{Ladder, Rung};
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ fn passes_of(effect: &str) -> &'static str {
 }
 
 /// For each effect the front of all its scenes together: times and errors relative to the default, as geometric means
-/// over the scenes. Settings that are not on all scenes are left out.
+/// over the scenes, errors without the reference's noise. Settings that are not on all scenes are left out.
 pub fn ladders(report: &Report) -> Vec<Ladder> {
     let mut effects: Vec<&str> = Vec::new();
     for curve in &report.curves {
@@ -53,9 +53,10 @@ fn rungs(report: &Report, effect: &str) -> Vec<Rung> {
         };
         let mut seen: Vec<&BTreeMap<String, f32>> = Vec::new();
         for point in &curve.points {
+            let own_error = |point: &Point| curve.reference.own_error(point.error.rel_rmse);
             let (time, error) = (
                 point.cost_ms() / default.cost_ms(),
-                point.error.rel_rmse / default.error.rel_rmse,
+                own_error(point) / own_error(default),
             );
             let usable = time > 0.0 && error > 0.0 && time.is_finite() && error.is_finite();
             if !usable || seen.contains(&&point.settings) {
@@ -111,7 +112,7 @@ fn rungs(report: &Report, effect: &str) -> Vec<Rung> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::document::{Curve, Device, Milliseconds, Point, Reference, SCHEMA};
+    use super::super::document::{Curve, Device, Milliseconds, Reference, SCHEMA};
     use super::*;
     use akari_reference::metrics::compare;
     use akari_scene::exr_io::RgbImage;

@@ -35,7 +35,7 @@ pub struct Scope {
     size: u32,
     /// Samples a pixel of references.
     spp: u32,
-    /// Timed frames of each setting, one in each round over all of them.
+    /// Rounds over all settings, each of which times [`FRAMES_PER_ROUND`] frames of every setting.
     rounds: u32,
     /// Values tried of each knob besides those of the presets.
     steps: usize,
@@ -223,8 +223,8 @@ fn measured_before(
     (same && pictures).then_some(part)
 }
 
-/// Timed frames of each setting of voxel GI in a quick report.
-const QUICK_VOXEL_ROUNDS: u32 = 2;
+/// Timed frames of a setting in a round: those before them, in which buffers are made anew, are the dear ones.
+const FRAMES_PER_ROUND: u32 = 3;
 
 fn measure(
     subject: &Subject,
@@ -250,12 +250,7 @@ fn measure(
         }
         points.push(point);
     }
-    // Voxels are made anew for many of its settings: rounds are dear.
-    let rounds = match subject.effect {
-        "voxel_gi" if scope.quick => scope.rounds.min(QUICK_VOXEL_ROUNDS),
-        _ => scope.rounds,
-    };
-    time(&mut stage, &variants, &mut points, rounds, &reporter)?;
+    time(&mut stage, &variants, &mut points, scope, &reporter)?;
     reporter.finish();
     mark_front(&mut points);
     let part = Part {
@@ -325,24 +320,31 @@ fn flicker(a: &RgbImage, b: &RgbImage) -> f64 {
     if sum > 0.0 { difference / sum } else { 0.0 }
 }
 
-/// Times every setting once in each round, so that a machine that slows down for a while slows all of them down.
+/// Times every setting in each round, so that a machine that slows down for a while slows all of them down.
 fn time(
     stage: &mut Stage,
     variants: &[Variant],
     points: &mut [Point],
-    rounds: u32,
+    scope: Scope,
     reporter: &Reporter,
 ) -> Result<(), CliError> {
     /// The least of few short times is a matter of luck: rounds go on for as long.
     const LONG_ENOUGH: Duration = Duration::from_secs(15);
     /// But not for more than so many times the rounds.
-    const MOST_REPEATS: u32 = 8;
+    const MOST_REPEATS: u32 = 4;
+    /// A quick look ends its rounds then, where two have been: one that begins before the machine has settled is not
+    /// enough.
+    const QUICK_END: Duration = Duration::from_secs(20);
+    const QUICK_ROUNDS: u32 = 2;
     let start = Instant::now();
+    let rounds = scope.rounds;
     let total = u64::from(rounds) * variants.len() as u64;
     let mut gpu = vec![Vec::new(); variants.len()];
     let mut frames = vec![Vec::new(); variants.len()];
     for round in 0..rounds * MOST_REPEATS {
-        if round >= rounds && (rounds < FEWEST_ROUNDS || start.elapsed() > LONG_ENOUGH) {
+        let enough = round >= rounds && (rounds < FEWEST_ROUNDS || start.elapsed() > LONG_ENOUGH);
+        let too_long = scope.quick && round >= QUICK_ROUNDS && start.elapsed() > QUICK_END;
+        if enough || too_long {
             break;
         }
         for (i, variant) in variants.iter().enumerate() {
@@ -352,9 +354,11 @@ fn time(
             let left = (done > 0).then(|| start.elapsed().mul_f64(missing as f64 / done as f64));
             reporter.show_phase("times", done.min(total), total, left);
             stage.apply(variant)?;
-            let frame = stage.frame()?;
-            gpu[i].extend(frame.gpu_ms);
-            frames[i].push(frame.frame_ms);
+            for _ in 0..FRAMES_PER_ROUND {
+                let frame = stage.frame()?;
+                gpu[i].extend(frame.gpu_ms);
+                frames[i].push(frame.frame_ms);
+            }
         }
     }
     for (i, point) in points.iter_mut().enumerate() {

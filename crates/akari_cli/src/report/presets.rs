@@ -57,7 +57,7 @@ struct Standing {
     presets: Vec<String>,
     /// Geometric mean over the scenes of its time over that of the fastest there.
     cost: f64,
-    /// The largest over the scenes of its error over the least there.
+    /// The largest over the scenes of its error over the least there, each without the reference's noise.
     worst_error: f64,
 }
 
@@ -88,13 +88,14 @@ fn standings(report: &Report, effect: &str) -> Vec<Standing> {
         };
         let mut everywhere = true;
         for curve in &curves {
-            let least = |figure: fn(&Point) -> f64| {
+            let least = |figure: &dyn Fn(&Point) -> f64| {
                 curve
                     .points
                     .iter()
                     .map(figure)
                     .fold(f64::INFINITY, f64::min)
             };
+            let error = |point: &Point| curve.reference.own_error(point.error.rel_rmse);
             let same = curve
                 .points
                 .iter()
@@ -103,9 +104,8 @@ fn standings(report: &Report, effect: &str) -> Vec<Standing> {
                 everywhere = false;
                 break;
             };
-            standing.cost += (same.cost_ms() / least(Point::cost_ms)).ln();
-            let error = same.error.rel_rmse / least(|point| point.error.rel_rmse);
-            standing.worst_error = standing.worst_error.max(error);
+            standing.cost += (same.cost_ms() / least(&Point::cost_ms)).ln();
+            standing.worst_error = standing.worst_error.max(error(same) / least(&error));
         }
         standing.cost = (standing.cost / curves.len() as f64).exp();
         if everywhere && standing.cost.is_finite() && standing.worst_error.is_finite() {

@@ -8,9 +8,19 @@ const WHITE: [f32; 3] = [0.73, 0.71, 0.68];
 const RED: [f32; 3] = [0.63, 0.06, 0.05];
 const GREEN: [f32; 3] = [0.14, 0.45, 0.09];
 
+/// The tall block of `cornell.glb`.
+pub fn metal() -> Material {
+    Material::metal([0.92, 0.91, 0.89], 0.2)
+}
+
+/// The tall block of `cornell_matte.glb`, as in the box that Cornell measured.
+pub fn matte() -> Material {
+    Material::lambert(WHITE)
+}
+
 /// Room `-1 ≤ x ≤ 1`, `0 ≤ y ≤ 2`, `-1 ≤ z ≤ 1`, open towards +Z.
-pub fn cornell() -> Scene {
-    let mut scene = Scene::new("cornell");
+pub fn cornell(name: &str, tall_block: Material) -> Scene {
+    let mut scene = Scene::new(name);
     scene.camera("camera", [0.0, 1.0, 3.9], [0.0, 1.0, 0.0], 39.0);
     for (name, color, corners) in [
         (
@@ -80,7 +90,7 @@ pub fn cornell() -> Scene {
         ),
         (
             "tall_block",
-            Material::metal([0.92, 0.91, 0.89], 0.2),
+            tall_block,
             -0.38,
             -0.35,
             0.60,

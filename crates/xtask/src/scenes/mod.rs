@@ -41,7 +41,14 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
             "corner_glossy.glb",
             indirect::corner("corner_glossy", indirect::corner_metal()).finish(),
         ),
-        ("cornell.glb", cornell::cornell().finish()),
+        (
+            "cornell.glb",
+            cornell::cornell("cornell", cornell::metal()).finish(),
+        ),
+        (
+            "cornell_matte.glb",
+            cornell::cornell("cornell_matte", cornell::matte()).finish(),
+        ),
         ("corridor.glb", indirect::corridor().finish()),
         ("empty.glb", small::empty().finish()),
         ("floor_light.glb", small::floor_light().finish()),

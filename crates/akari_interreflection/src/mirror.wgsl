@@ -41,8 +41,8 @@ const STARTS: u32 = 3u;
 const LEAST_WIDTHS: f32 = 1.0;
 // Share that the roughness of a mirror has in the width of its lobe, from where that counts as the light's image to where it
 // counts as the lobe of a point.
-const LEAST_BLUR: f32 = 0.4;
-const MOST_BLUR: f32 = 0.9;
+const LEAST_BLUR: f32 = 0.6;
+const MOST_BLUR: f32 = 0.95;
 // Largest sharpness of a lobe.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
 
@@ -181,6 +181,8 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
     let apart = 0.5 * dot(between, between);
     var start = product.axis;
     var sharpness = product.sharpness;
+    var starts = array<vec4<f32>, STARTS>(vec4(0.0), vec4(0.0), vec4(0.0));
+    var held = array<f32, STARTS>(0.0, 0.0, 0.0);
     var most = 0.0;
     var step = 0.0;
     var basis = orthonormal_basis(start);
@@ -194,6 +196,18 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
         let node = (i - min(i, STARTS)) % RING_NODES;
         let place = ring_place(node);
         if i == STARTS {
+            // The best of them, with no jump from one to another.
+            var all = vec4(0.0);
+            var share = 0.0;
+            for (var k = 0u; k < STARTS; k++) {
+                let part = held[k] / max(most, MIN_RADIANCE);
+                all += (part * part) * (part * part) * starts[k];
+                share += (part * part) * (part * part);
+            }
+            if share > 0.5 {
+                start = safe_normalize(all.xyz, start);
+                sharpness = all.w / share;
+            }
             step = min(FIT_STEP * inverseSqrt(max(sharpness, 1.0)), MOST_STEP);
             basis = orthonormal_basis(start);
         } else if of_rule && node == 0u {
@@ -225,11 +239,9 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
             } else if i == 2u {
                 width = receiver.lobe_sharpness + tail_sharpness(mirror_sharpness, apart);
             }
-            if brightness > most * max(width, 1.0) {
-                most = brightness / max(width, 1.0);
-                start = direction;
-                sharpness = width;
-            }
+            starts[i] = vec4(direction, width);
+            held[i] = brightness / max(width, 1.0);
+            most = max(most, held[i]);
         } else if !of_rule {
             ring = lobe_ring_add(ring, place, log(max(brightness, MIN_RADIANCE)));
         } else if dot(receiver.normal_ws, direction) > 0.0 {
@@ -326,7 +338,10 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         if bends(seen, face) {
             radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, flat);
         }
-        radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
+        // Of a triangle that bends both sides are taken already.
+        if seen.rectangle || !bends(seen, face) {
+            radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
+        }
         let peak = radiance * (cosine * exp(local * away));
         sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
     }

@@ -131,7 +131,10 @@ fn presets(corner: &mut Corner, series: &mut Vec<Series>) -> String {
         } else {
             &mut of_cuts
         };
-        into.push(name, time, [rmse, largest], Some(time));
+        // No place on a logarithmic axis.
+        if rmse > 0.0 {
+            into.push(name, time, [rmse, largest], Some(time));
+        }
     }
     series.extend([of_presets, of_cuts]);
     rows

@@ -21,8 +21,8 @@ const LEAST_SHARE: usize = 8;
 const FEW: usize = 8192;
 /// Extent of normals in the cost, against that of space over the parent's.
 const NORMAL_COST: f32 = 0.5;
-/// The same over α² where triangles mirror: normals that turn by a third of α, which is where
-/// [`cluster_gloss_error`](crate::cluster::cluster_gloss_error) reaches a tenth, weigh as much as the whole extent.
+/// The same over α² where triangles mirror: normals a third of α apart, of which
+/// [`cluster_gloss_error`](crate::cluster::cluster_gloss_error) makes 6 %, weigh as much as the whole extent.
 const GLOSS_COST: f32 = 9.0;
 /// Floor of α there.
 const MIN_ALPHA: f32 = 0.01;

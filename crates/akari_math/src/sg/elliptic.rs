@@ -12,8 +12,11 @@
 //! Gaussians, have the sharpness that holds their light.
 //!
 //! **Rule**: the mean of a function under a Gaussian from its middle (weight 1/2) and six points at twice the width (1/12
-//! each), exact to the fifth degree (Abramowitz and Stegun 1964, 25.4.46's Gaussian form): what the ratio of function and lobe
-//! is on average.
+//! each), exact to the fifth degree (Stroud 1971, "Approximate Calculation of Multiple Integrals", for exp(-x² - y²)): what the
+//! ratio of function and lobe is on average.
+//!
+//! **Error** (test `a_product_of_tails_keeps_its_light`): of two equal lobes of GGX about one axis, `(1 + λt/4)^-4` for
+//! `t = 1 - cosine`, lobe and rule hold 94 % of the light; Laplace's method holds 75 %.
 //!
 //! Domain: sharpness in [1e-3, 1e8], step in [1e-4, 1]. The sharpness of either axis stays within a factor of 8 of the one
 //! given, and the peak within the ring.

@@ -30,10 +30,12 @@ fn group(triangle: &GpuTriangle) -> u32 {
 
 impl Clusters {
     /// Clusters the first `patches` triangles and the others, and puts both into the order of their tree.
-    pub fn new(triangles: &mut [GpuTriangle], patches: u32) -> Self {
+    ///
+    /// `alphas` are the GGX widths of materials.
+    pub fn new(triangles: &mut [GpuTriangle], patches: u32, alphas: &[f32]) -> Self {
         let mut result = Self::default();
         let (diffuse, glossy) = triangles.split_at_mut(patches as usize);
-        let tree = result.add(diffuse, 0);
+        let tree = result.add(diffuse, 0, &[]);
         result.of_patches = result.clusters.len() as u32;
         let levels = tree.levels();
         result.levels = levels.len() as u32;
@@ -44,17 +46,21 @@ impl Clusters {
         }
         result.order.push(begin);
         result.order.extend(levels.iter().flatten());
-        result.add(glossy, patches);
+        result.add(glossy, patches, alphas);
         result
     }
 
-    fn add(&mut self, triangles: &mut [GpuTriangle], first: u32) -> ClusterTree {
+    fn add(&mut self, triangles: &mut [GpuTriangle], first: u32, alphas: &[f32]) -> ClusterTree {
         let plain: Vec<ClusterTriangle> = triangles
             .iter()
             .map(|triangle| ClusterTriangle {
                 corners: [triangle.a, triangle.b, triangle.c],
                 normals: [triangle.normal_a, triangle.normal_b, triangle.normal_c],
                 group: group(triangle),
+                alpha: alphas
+                    .get(triangle.material as usize)
+                    .copied()
+                    .unwrap_or(0.0),
             })
             .collect();
         let tree = ClusterTree::new(&plain);
@@ -93,7 +99,9 @@ fn gpu_cluster(node: &ClusterNode, before: u32, first: u32, flags: u32) -> GpuCl
         rim: node.rim,
         area: node.area,
         flags,
-        pad: 0,
+        stray: node.stray,
+        bend_u: node.bend_u,
+        bend_v: node.bend_v,
     }
 }
 
@@ -116,7 +124,7 @@ mod tests {
         };
         let mut triangles: Vec<GpuTriangle> = (0..40).map(|i| at(i as f32, i % 3)).collect();
         let before = triangles.clone();
-        let clusters = Clusters::new(&mut triangles, 30);
+        let clusters = Clusters::new(&mut triangles, 30, &[0.1; 3]);
         let of_material = |list: &[GpuTriangle]| list.iter().filter(|t| t.material == 1).count();
         assert_eq!(of_material(&triangles[..30]), of_material(&before[..30]));
         assert_eq!(clusters.clusters[0].material, MIXED_MATERIAL);
@@ -139,7 +147,7 @@ mod tests {
             clusters.order[clusters.levels as usize],
             clusters.of_patches
         );
-        let none = Clusters::new(&mut [], 0);
+        let none = Clusters::new(&mut [], 0, &[]);
         assert_eq!((none.order, none.levels), (vec![0], 0));
     }
 }

@@ -129,6 +129,6 @@ fn gloss_of(cluster: Cluster, seen: ClusterView, offset: vec3<f32>, center: vec3
     if light.kind != KIND_DIRECTIONAL {
         parallax += cluster.deviation / max(nearest, TINY);
     }
-    gloss.error = cluster_gloss_error(cluster.turn, min(parallax, 4.0), alpha);
+    gloss.error = cluster_gloss_error(cluster.turn, cluster.stray, min(parallax, 4.0), alpha);
     return gloss;
 }

@@ -8,7 +8,9 @@
 //! part is a spherical Gaussian about the receiver, of the light as the reflector mirrors it, integrated over the triangle
 //! (`akari_math::sg::polygon`, after Okada and Iwasaki 2017 and Xu et al. 2014); its peak is the radiance that LTC gives at
 //! the triangle's point nearest to the axis, its width such that it holds the light of the whole image
-//! (`akari_math::reflector`).
+//! (`akari_math::reflector`). A mirror that is as large as its lobe is looked at in seven places of it, the nodes of a rule for
+//! Gaussians. Glossy on glossy, an elliptic lobe is fitted to the product of both (`akari_math::sg::elliptic`) and integrated
+//! over the triangle, times the mean of what the product is over it at the nodes of the same rule.
 //!
 //! **Inputs**: Bevy's depth and deferred prepass. **Output**: radiance × exposure, added to the HDR view target after
 //! Bevy's deferred lighting.
@@ -17,14 +19,16 @@
 //! (`akari_math::cluster_tree`); light of diffuse clusters is summed up on the GPU when it changes. Each pixel visits the
 //! tree from above, without a stack, and takes the rectangle of a cluster in place of its triangles where its error is within
 //! [`cut`](settings::Interreflection::cut): where solid angles differ, radiance differs from a plane over the rectangle, or
-//! normals turn the highlight (`akari_math::cluster`). The bound is relative to the cluster's own light under the pixel's
+//! normals turn the highlight (`akari_math::cluster`). Rectangles of mirrors bend: their normals change linearly from side to
+//! side, and mirrors are clustered along what does not turn. The bound is relative to the cluster's own light under the pixel's
 //! largest weight in it; what is little against white may be wrong by more. What the integral of one lobe over a rectangle
 //! loses against that of many over its triangles is not part of it. After Xu et al. 2014, with one bounded test for each
 //! cluster, as in Lightcuts (Walter et al. 2005).
 //!
 //! **Cost**: nothing without a reflector, a light, and a camera with [`AkariCamera`](akari_render::camera::AkariCamera): no
 //! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with what the clusters cannot say in
-//! rectangles, times lights where they are glossy; the bench `interreflection` prints it.
+//! rectangles, times lights where they are glossy. `docs/error_time.md` has the error against time of tiers, presets and
+//! cuts, and the time of 98 triangles beside that of 10,082; `akari_math`'s `docs/sg_polygon.md` has the integrals alone.
 //!
 //! **With voxel GI**: where another effect gathers all bounces
 //! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and
@@ -83,6 +87,9 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "lights.wgsl");
         load_shader_library!(app, "clusters.wgsl");
+        load_shader_library!(app, "bindings.wgsl");
+        load_shader_library!(app, "receiver.wgsl");
+        load_shader_library!(app, "mirror.wgsl");
         embedded_asset!(app, "aggregate.wgsl");
         embedded_asset!(app, "irradiance.wgsl");
         embedded_asset!(app, "shade.wgsl");

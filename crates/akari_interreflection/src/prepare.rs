@@ -46,10 +46,10 @@ struct Tree {
 }
 
 impl Tree {
-    fn new(device: &RenderDevice, source: Triangles, clustered: bool) -> Self {
+    fn new(device: &RenderDevice, source: Triangles, clustered: bool, alphas: &[f32]) -> Self {
         let mut ordered = source.triangles.clone();
         let clusters = if clustered {
-            Clusters::new(&mut ordered, source.patches)
+            Clusters::new(&mut ordered, source.patches, alphas)
         } else {
             Clusters::default()
         };
@@ -248,7 +248,12 @@ pub fn prepare_reflectors(
         // Lights that move mostly leave patches as they are.
         let tree = kept
             .filter(|tree| tree.source == cut && tree.clustered == made.clustered)
-            .unwrap_or_else(|| Tree::new(&device, cut, made.clustered));
+            .unwrap_or_else(|| {
+                let alphas: Vec<f32> = (scene.materials.iter())
+                    .map(|material| material.perceptual_roughness * material.perceptual_roughness)
+                    .collect();
+                Tree::new(&device, cut, made.clustered, &alphas)
+            });
         let patches = tree.source.patches;
         let glossy = tree.source.triangles.len() as u32 - patches;
         let materials = storage::<GpuReflectorMaterial>(

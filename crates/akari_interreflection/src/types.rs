@@ -93,8 +93,12 @@ pub struct GpuCluster {
     pub area: f32,
     /// Flags of the triangles, or of any of them.
     pub flags: u32,
-    /// Padding.
-    pub pad: u32,
+    /// See `akari_math::cluster`.
+    pub stray: f32,
+    /// Change of the normal over half a side.
+    pub bend_u: Vec3,
+    /// Change of the normal over half of the other side.
+    pub bend_v: Vec3,
 }
 
 /// What the diffuse triangles of a cluster are lit by: irradiance over π, as a plane over the rectangle.

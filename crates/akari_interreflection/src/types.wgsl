@@ -48,7 +48,9 @@ struct Cluster {
     rim: f32,
     area: f32,
     flags: u32,
-    pad: u32,
+    stray: f32,
+    bend_u: vec3<f32>,
+    bend_v: vec3<f32>,
 }
 
 struct ClusterLight {

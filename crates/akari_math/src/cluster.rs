@@ -9,7 +9,8 @@
 //! one needs no list of clusters.
 //!
 //! A cluster has the plane of its mean normal, a rectangle in it, and: its `deviation`, the largest distance of a corner from
-//! the plane; its `turn`, the largest length of the difference of a normal from the mean one; its `mismatch`, the area that
+//! the plane; its `turn`, the largest length of the difference of a normal from the mean one, and `stray`, that from a linear
+//! change over the rectangle; its `mismatch`, the area that
 //! is in the rectangle or in the projected triangles but not in both, over that of the triangles; its `rim`, the rectangle's
 //! circumference times `deviation` over the area.
 //!
@@ -75,14 +76,18 @@ pub fn cluster_light_error(residual: f32, variation: f32, aperture: f32, mean: f
     ((residual + variation * aperture.min(1.0)) / mean.max(TINY)).min(MOST_ERROR)
 }
 
-/// Relative error of the light that a cluster mirrors, whose normals turn by `turn` and whose points are seen turned by
-/// `parallax` from both sides together (deviation over distance from receiver and light).
+/// Relative error of the light that a cluster mirrors, whose normals turn by `turn`, are linear but for `stray`, and whose
+/// points are seen turned by `parallax` from both sides together (deviation over distance from receiver and light).
 ///
 /// The logarithm of GGX's distribution, `2 ln((1 + t²)/(α² + t²))` for the tangent t, has the slope
-/// `4 t (1 - α²)/(α² + t²)`, at most `2/α`; half-vectors turn by half of `parallax`.
+/// `4 t (1 - α²)/(α² + t²)`, at most `2/α`; half-vectors turn by half of `parallax`. What turns linearly is taken from both
+/// sides of the rectangle, `2 turn` apart: with the largest second derivative `4/α²` that is off by an eighth of its
+/// product with the square of what is between them, `2 turn²/α²`.
 #[must_use]
-pub fn cluster_gloss_error(turn: f32, parallax: f32, alpha: f32) -> f32 {
-    let exponent = ((2.0 * turn + parallax) / alpha.max(MIN_ALPHA)).min(4.0);
+pub fn cluster_gloss_error(turn: f32, stray: f32, parallax: f32, alpha: f32) -> f32 {
+    let width = alpha.max(MIN_ALPHA);
+    let turned = turn / width;
+    let exponent = (2.0 * turned * turned + (2.0 * stray + parallax) / width).min(4.0);
     // e^x - 1 = x e^x (1 - e^-x)/x.
     (exponent * exponent.exp() * one_minus_exp_neg_over_x(exponent)).min(MOST_ERROR)
 }

@@ -39,8 +39,10 @@ fn cluster_light_error(residual: f32, variation: f32, aperture: f32, mean: f32) 
 }
 
 // Relative error of the light that a cluster mirrors.
-fn cluster_gloss_error(turn: f32, parallax: f32, alpha: f32) -> f32 {
-    let exponent = min((2.0 * turn + parallax) / max(alpha, MIN_ALPHA), 4.0);
+fn cluster_gloss_error(turn: f32, stray: f32, parallax: f32, alpha: f32) -> f32 {
+    let width = max(alpha, MIN_ALPHA);
+    let turned = turn / width;
+    let exponent = min(2.0 * turned * turned + (2.0 * stray + parallax) / width, 4.0);
     // e^x - 1 = x e^x (1 - e^-x)/x.
     return min(exponent * exp(exponent) * one_minus_exp_neg_over_x(exponent), MOST_ERROR);
 }

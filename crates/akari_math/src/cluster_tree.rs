@@ -8,6 +8,7 @@
 //! The rectangle is the smallest one about the projected triangles, shrunk to their area: what tiles a rectangle is
 //! represented exactly.
 
+use crate::special::TINY;
 use glam::{Vec2, Vec3};
 
 /// What [`ClusterNode::group`] is where a node holds several groups.
@@ -20,6 +21,11 @@ const LEAST_SHARE: usize = 8;
 const FEW: usize = 8192;
 /// Extent of normals in the cost, against that of space over the parent's.
 const NORMAL_COST: f32 = 0.5;
+/// The same over α² where triangles mirror: normals a third of α apart, of which
+/// [`cluster_gloss_error`](crate::cluster::cluster_gloss_error) makes 6 %, weigh as much as the whole extent.
+const GLOSS_COST: f32 = 9.0;
+/// Floor of α there.
+const MIN_ALPHA: f32 = 0.01;
 /// Edges of a hull that are tried as the side of the rectangle.
 const MOST_SIDES: usize = 64;
 /// Normals that differ by more than this have no plane in common that is worth fitting.
@@ -36,6 +42,8 @@ pub struct ClusterTriangle {
     pub normals: [Vec3; 3],
     /// Triangles of different groups share no leaf.
     pub group: u32,
+    /// GGX width of what it mirrors with, or 0 where only its place counts ([`ClusterNode::bend_u`] is fitted all the same).
+    pub alpha: f32,
 }
 
 /// A cluster; lengths in the triangles' unit.
@@ -53,6 +61,13 @@ pub struct ClusterNode {
     pub radius: f32,
     /// See [`crate::cluster`].
     pub turn: f32,
+    /// Change of the corners' normals over half of the one side, so that `normal + s bend_u + t bend_v`, normalised, is the
+    /// normal at `center + s axis_u + t axis_v`.
+    pub bend_u: Vec3,
+    /// The same over half of the other side.
+    pub bend_v: Vec3,
+    /// Largest length of the difference of a corner's normal from that.
+    pub stray: f32,
     /// See [`crate::cluster`].
     pub deviation: f32,
     /// See [`crate::cluster`].
@@ -169,6 +184,7 @@ fn fit(all: &[ClusterTriangle], order: &[u32]) -> ClusterNode {
         normal: normal.try_normalize().unwrap_or(Vec3::Z),
         radius: points().map(|p| p.distance(box_center)).fold(0.0, f32::max),
         turn: 2.0,
+        stray: 2.0,
         area,
         mismatch: NO_FIT,
         rim: NO_FIT,
@@ -196,12 +212,32 @@ fn fit(all: &[ClusterTriangle], order: &[u32]) -> ClusterNode {
     let across = normal.cross(along);
     let center = box_center + x * middle.x + y * middle.y + normal * (0.5 * (lowest + highest));
     let deviation = 0.5 * (highest - lowest);
+    let (axis_u, axis_v) = (along * (half.x * shrink), across * (half.y * shrink));
+    let place = |p: Vec3| {
+        let offset = p - center;
+        Vec2::new(
+            offset.dot(axis_u) / axis_u.length_squared().max(TINY),
+            offset.dot(axis_v) / axis_v.length_squared().max(TINY),
+        )
+    };
+    let (bend_u, bend_v) = bend(all, order, place);
+    let stray = triangles()
+        .flat_map(|t| (0..3).map(|k| (place(t.corners[k]), t.normals[k])))
+        .map(|(at, n)| {
+            (normal + at.x * bend_u + at.y * bend_v)
+                .normalize_or(normal)
+                .distance(n)
+        })
+        .fold(0.0, f32::max);
     // What lies over itself has more than the rectangle's area, and is as far from it.
     let ratio = (whole / projected).max(projected / whole);
     ClusterNode {
         center,
-        axis_u: along * (half.x * shrink),
-        axis_v: across * (half.y * shrink),
+        axis_u,
+        axis_v,
+        bend_u,
+        bend_v,
+        stray,
         normal,
         radius: points().map(|p| p.distance(center)).fold(0.0, f32::max),
         turn,
@@ -211,6 +247,33 @@ fn fit(all: &[ClusterTriangle], order: &[u32]) -> ClusterNode {
         area,
         ..ClusterNode::default()
     }
+}
+
+/// How corners' normals change over half of both sides of the rectangle in whose halves `place` is: least squares, for places
+/// that do not depend on one another.
+fn bend(all: &[ClusterTriangle], order: &[u32], place: impl Fn(Vec3) -> Vec2) -> (Vec3, Vec3) {
+    let corners = || {
+        order.iter().flat_map(|&i| {
+            let triangle = &all[i as usize];
+            let weight = doubled_area(&triangle.corners).length();
+            (0..3).map(move |k| (weight, triangle.corners[k], triangle.normals[k]))
+        })
+    };
+    let (mut whole, mut mean, mut middle) = (0.0, Vec3::ZERO, Vec2::ZERO);
+    for (weight, corner, normal) in corners() {
+        whole += weight;
+        mean += weight * normal;
+        middle += weight * place(corner);
+    }
+    let (mean, middle) = (mean / whole.max(TINY), middle / whole.max(TINY));
+    let (mut along_u, mut along_v, mut squares) = (Vec3::ZERO, Vec3::ZERO, Vec2::ZERO);
+    for (weight, corner, normal) in corners() {
+        let at = place(corner) - middle;
+        along_u += weight * at.x * (normal - mean);
+        along_v += weight * at.y * (normal - mean);
+        squares += weight * at * at;
+    }
+    (along_u / squares.x.max(TINY), along_v / squares.y.max(TINY))
 }
 
 /// The smallest rectangle about points that has a side along their hull: middle, direction of a side, halves of both.
@@ -300,8 +363,8 @@ impl Bounds {
         (self.high - self.low).length_squared()
     }
 
-    fn cost(self, whole: f32) -> f32 {
-        self.size() / whole + NORMAL_COST * (self.normal_high - self.normal_low).length_squared()
+    fn cost(self, whole: f32, normal_cost: f32) -> f32 {
+        self.size() / whole + normal_cost * (self.normal_high - self.normal_low).length_squared()
     }
 }
 
@@ -312,6 +375,13 @@ fn split(all: &[ClusterTriangle], order: &mut [u32]) -> usize {
         .iter()
         .fold(Bounds::NONE, |b, &i| b.with(&all[i as usize]));
     let whole = bounds.size().max(f32::MIN_POSITIVE);
+    // Of one group, and so of one width.
+    let alpha = all[order[0] as usize].alpha;
+    let normal_cost = if alpha > 0.0 {
+        GLOSS_COST / (alpha.max(MIN_ALPHA) * alpha.max(MIN_ALPHA))
+    } else {
+        NORMAL_COST
+    };
     let extent = bounds.high - bounds.low;
     let turned = (bounds.normal_high - bounds.normal_low).max_element() > 1e-3;
     let key = |axis: usize, i: u32| {
@@ -323,7 +393,14 @@ fn split(all: &[ClusterTriangle], order: &mut [u32]) -> usize {
         }
     };
     let axes: Vec<usize> = if n > FEW {
-        vec![extent.max_position()]
+        let turns = bounds.normal_high - bounds.normal_low;
+        let turning = alpha > 0.0 && normal_cost * turns.length_squared() > 1.0;
+        let widest = extent.max_position();
+        if turning {
+            vec![widest, 3 + turns.max_position()]
+        } else {
+            vec![widest]
+        }
     } else if turned {
         (0..6).collect()
     } else {
@@ -341,7 +418,7 @@ fn split(all: &[ClusterTriangle], order: &mut [u32]) -> usize {
         let mut bounds = Bounds::NONE;
         for (_, i) in &sorted {
             bounds = bounds.with(&all[*i as usize]);
-            left.push(bounds.cost(whole));
+            left.push(bounds.cost(whole, normal_cost));
         }
         let mut bounds = Bounds::NONE;
         for k in (1..n).rev() {
@@ -349,7 +426,7 @@ fn split(all: &[ClusterTriangle], order: &mut [u32]) -> usize {
             if k < least || k > n - least {
                 continue;
             }
-            let cost = k as f32 * left[k - 1] + (n - k) as f32 * bounds.cost(whole);
+            let cost = k as f32 * left[k - 1] + (n - k) as f32 * bounds.cost(whole, normal_cost);
             if cost < best.0 {
                 best = (cost, axis, k);
             }

@@ -67,6 +67,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ),
     ("akari_math::sg::lobe", include_str!("sg/lobe.wgsl")),
     ("akari_math::ggx", include_str!("ggx.wgsl")),
+    ("akari_math::sg::elliptic", include_str!("sg/elliptic.wgsl")),
     (
         "akari_math::sg::mirrored_light",
         include_str!("sg/mirrored_light.wgsl"),

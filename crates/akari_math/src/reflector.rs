@@ -7,7 +7,7 @@
 //! WGSL module: `akari_math::reflector`.
 
 use crate::special::TINY;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// Smallest share of an axis that goes down to the plane of a triangle: one that goes away from it looks at what lies
 /// farthest along it.
@@ -74,23 +74,3 @@ const MAX_SHARPNESS: f32 = 1e8;
 pub fn tail_sharpness(sharpness: f32, offset: f32) -> f32 {
     sharpness / (1.0 + 0.5 * sharpness * offset)
 }
-
-/// How far a product of lobes has its peak from where it is looked at, along one direction, and its sharpness there: from the
-/// logarithms of its values a `step` (radians) before, at and after that place, by the parabola through them. `sharpness` is
-/// what is known of it; the result stays within a factor of eight of that, and the peak within two steps.
-///
-/// Laplace's method; lobes of GGX at grazing angles are longer than wide, and fall more slowly than Gaussians.
-#[must_use]
-pub fn refined_peak(before: f32, center: f32, after: f32, step: f32, sharpness: f32) -> Vec2 {
-    let squared = (step * step).max(TINY);
-    let curvature = (2.0 * center - before - after) / squared;
-    let refined = curvature
-        .max(sharpness / MOST_REFINEMENT)
-        .min(sharpness * MOST_REFINEMENT);
-    let slope = 0.5 * (after - before) / step.max(TINY);
-    let shift = (slope / refined.max(TINY)).max(-2.0 * step).min(2.0 * step);
-    Vec2::new(shift, refined)
-}
-
-/// Largest factor by which a sharpness is corrected.
-const MOST_REFINEMENT: f32 = 8.0;

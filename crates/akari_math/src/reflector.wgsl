@@ -9,8 +9,6 @@ const MIN_DESCENT: f32 = 1e-2;
 const TWO_PI: f32 = 6.28318531;
 // Sharper than any lobe of GGX.
 const MAX_SHARPNESS: f32 = 1e8;
-// Largest factor by which a sharpness is corrected.
-const MOST_REFINEMENT: f32 = 8.0;
 
 // Weights of the corners at the point of a triangle that is nearest to `point`.
 fn triangle_weights(point: vec3<f32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> vec3<f32> {
@@ -60,14 +58,4 @@ fn image_sharpness(integral: f32, solid_angle: f32) -> f32 {
 // Sharpness of a GGX lobe about what is `1 - cosine = offset` away from its axis.
 fn tail_sharpness(sharpness: f32, offset: f32) -> f32 {
     return sharpness / (1.0 + 0.5 * sharpness * offset);
-}
-
-// How far a product of lobes has its peak from where it is looked at, along one direction, and its sharpness there.
-fn refined_peak(before: f32, center: f32, after: f32, step: f32, sharpness: f32) -> vec2<f32> {
-    let squared = max(step * step, TINY);
-    let curvature = (2.0 * center - before - after) / squared;
-    let refined = min(max(curvature, sharpness / MOST_REFINEMENT), sharpness * MOST_REFINEMENT);
-    let slope = 0.5 * (after - before) / max(step, TINY);
-    let shift = min(max(slope / max(refined, TINY), -2.0 * step), 2.0 * step);
-    return vec2<f32>(shift, refined);
 }

@@ -48,6 +48,7 @@ fn sheet(rows: u32, bend: f32, bumps: f32) -> Vec<ClusterTriangle> {
                     corners,
                     normals: [normal; 3],
                     group: 0,
+                    alpha: 0.0,
                 });
             }
         }
@@ -224,14 +225,14 @@ fn what_turns_a_normal_changes_its_gloss_no_more_than_claimed() {
             )
         };
         let error = (ndf(other) / ndf(normal) - 1.0).abs();
-        let bound = f64::from(cluster_gloss_error(turn, 0.0, alpha));
+        let bound = f64::from(cluster_gloss_error(0.0, turn, 0.0, alpha));
         assert!(
             error <= bound * 1.01 + 1e-4,
             "{error} > {bound}, alpha {alpha}, turn {turn}, angle {}",
             normal.angle_between(half_vector)
         );
         nearest = nearest.max(error / (bound + 1e-4));
-        if error > f64::from(cluster_gloss_error(0.5 * turn, 0.0, alpha)) + 1e-3 {
+        if error > f64::from(cluster_gloss_error(0.0, 0.5 * turn, 0.0, alpha)) + 1e-3 {
             wrong += 1;
         }
         let chord = normal.distance(half_vector);
@@ -240,4 +241,132 @@ fn what_turns_a_normal_changes_its_gloss_no_more_than_claimed() {
     }
     assert!(nearest > 0.5, "{nearest}");
     assert!(wrong > 100, "half of the turn would do");
+}
+
+/// What turns linearly from one side of a rectangle to the other is between both sides as its logarithm's chord says.
+#[test]
+fn what_bends_shines_between_its_sides_as_claimed() {
+    const STEPS: u32 = 64;
+    let mut random = Random(23);
+    let (mut nearest, mut wrong) = (0.0_f64, 0);
+    for _ in 0..4000 {
+        let alpha = f64::from(10.0_f32.powf(random.range(-2.0, 0.0)));
+        let turn = alpha * f64::from(random.range(0.05, 0.6));
+        let middle = alpha * f64::from(random.range(-2.0, 2.0));
+        if middle.abs() + turn > 1.4 {
+            continue;
+        }
+        let (normal, tangent) = (DVec3::Z, DVec3::X);
+        let log_ndf = |angle: f64| {
+            let half_vector = normal * angle.cos() + tangent * angle.sin();
+            ggx_ndf(normal, half_vector, alpha).ln()
+        };
+        let (first, last) = (log_ndf(middle - turn), log_ndf(middle + turn));
+        let (mut truth, mut ours) = (0.0, 0.0);
+        for i in 0..STEPS {
+            let t = (f64::from(i) + 0.5) / f64::from(STEPS);
+            truth += log_ndf(middle + turn * (2.0 * t - 1.0)).exp();
+            ours += (first + t * (last - first)).exp();
+        }
+        let error = (ours / truth - 1.0).abs();
+        let claimed = |share: f64| {
+            f64::from(cluster_gloss_error(
+                (share * turn) as f32,
+                0.0,
+                0.0,
+                alpha as f32,
+            ))
+        };
+        assert!(
+            error <= claimed(1.0) + 1e-4,
+            "{error}, alpha {alpha}, turn {turn}"
+        );
+        nearest = nearest.max(error / (claimed(1.0) + 1e-4));
+        wrong += u32::from(error > claimed(0.5) + 1e-3);
+    }
+    println!("bent: the largest error is {nearest:.2} of what is claimed");
+    assert!(nearest > 0.3 && wrong > 10, "{nearest}, {wrong}");
+}
+
+/// Triangles of a mirror that bends one way are clustered in strips along the other.
+#[test]
+fn bent_mirrors_are_clustered_along_what_does_not_turn() {
+    const ROWS: u32 = 32;
+    let at = |i: u32, j: u32| {
+        let x = 2.0 * i as f32 / ROWS as f32 - 1.0;
+        let y = 2.0 * j as f32 / ROWS as f32;
+        let point = Vec3::new(x, y, 0.35 * x * x);
+        (point, Vec3::new(-0.7 * x, 0.0, 1.0).normalize())
+    };
+    let mirror = |alpha: f32| -> Vec<ClusterTriangle> {
+        let mut triangles = Vec::new();
+        for j in 0..ROWS {
+            for i in 0..ROWS {
+                let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                for three in [[a, b, c], [a, c, d]] {
+                    triangles.push(ClusterTriangle {
+                        corners: three.map(|(corner, _)| corner),
+                        normals: three.map(|(_, normal)| normal),
+                        group: 0,
+                        alpha,
+                    });
+                }
+            }
+        }
+        triangles
+    };
+    let cut = 0.2;
+    // Clusters that are met from above.
+    let met = |triangles: &[ClusterTriangle], width: f32, linear: bool| {
+        let tree = ClusterTree::new(triangles);
+        let (mut index, mut count) = (0, 0);
+        while index < tree.nodes.len() {
+            let node = &tree.nodes[index];
+            let (turn, stray) = if linear {
+                (node.turn, node.stray)
+            } else {
+                (0.0, node.turn)
+            };
+            let taken = cluster_gloss_error(turn, stray, 0.0, width) <= cut;
+            count += if taken {
+                1
+            } else if node.leaf {
+                node.count
+            } else {
+                0
+            };
+            index = if taken { node.skip as usize } else { index + 1 };
+        }
+        count
+    };
+    let alpha = 0.09;
+    let (strips, squares) = (mirror(alpha), mirror(0.0));
+    let ours = met(&strips, alpha, true);
+    let (flat, square) = (met(&strips, alpha, false), met(&squares, alpha, true));
+    println!(
+        "{} triangles: {ours} strips; {square} without their width, {flat} if flat",
+        strips.len()
+    );
+    assert!(ours <= 2 * ROWS, "{ours}");
+    assert!(square > 4 * ours && flat > 4 * ours, "{square}, {flat}");
+    // The linear change is the mirror's: in a strip nothing strays from it by what its normals turn.
+    let tree = ClusterTree::new(&strips);
+    let strip = (tree.nodes.iter())
+        .find(|node| node.turn < 0.05)
+        .expect("strips");
+    assert!(strip.stray < 0.05 * strip.turn, "{strip:?}");
+    for side in [-1.0, 1.0] {
+        let along = if strip.bend_u.length() > strip.bend_v.length() {
+            (strip.axis_u, strip.bend_u)
+        } else {
+            (strip.axis_v, strip.bend_v)
+        };
+        let x = (strip.center + side * along.0).x;
+        let normal = (strip.normal + side * along.1).normalize();
+        let truth = Vec3::new(-0.7 * x, 0.0, 1.0).normalize();
+        assert!(
+            normal.distance(truth) < 0.1 * strip.turn,
+            "{normal} of {truth}"
+        );
+    }
 }

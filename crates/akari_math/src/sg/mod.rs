@@ -1,5 +1,6 @@
 //! Spherical Gaussians.
 
+pub mod elliptic;
 pub mod lobe;
 pub mod ltc;
 pub mod mirrored_light;

@@ -116,17 +116,20 @@ pub fn cases() -> Vec<Case> {
             module: MODULE,
             functions: &["cluster_gloss_error"],
             imports: "",
-            body: "y(0u, cluster_gloss_error(x(0u), x(1u), x(2u)));",
-            inputs: 3,
+            body: "y(0u, cluster_gloss_error(x(0u), x(1u), x(2u), x(3u)));",
+            inputs: 4,
             outputs: 1,
-            twin: |x, y| y.push(cluster_gloss_error(x[0], x[1], x[2])),
+            twin: |x, y| y.push(cluster_gloss_error(x[0], x[1], x[2], x[3])),
             oracle: Some(|x, y| {
-                let exponent = ((2.0 * x[0] + x[1]) / x[2].max(1e-3)).min(4.0);
+                let width = x[3].max(1e-3);
+                let exponent = 2.0 * (x[0] / width).powi(2) + (2.0 * x[1] + x[2]) / width;
+                let exponent = exponent.min(4.0);
                 y.push(exponent.exp_m1().min(16.0));
             }),
             domains: vec![domain(
                 "any",
                 rows(812, 400, |random, row| {
+                    row.push(random.log_range(-5.0, 0.0));
                     row.push(random.log_range(-5.0, 0.0));
                     row.push(random.log_range(-5.0, 0.0));
                     row.push(random.log_range(-4.0, 0.0));
@@ -135,7 +138,8 @@ pub fn cases() -> Vec<Case> {
                 ulp(48),
             )],
             mutations: vec![
-                mutation("2.0 * turn", "turn"),
+                mutation("2.0 * turned * turned", "turned * turned"),
+                mutation("2.0 * stray", "stray"),
                 mutation("exponent * exp(exponent)", "exp(exponent)"),
             ],
         },

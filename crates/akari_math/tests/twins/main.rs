@@ -2,6 +2,7 @@
 
 mod bounds;
 mod clusters;
+mod elliptic;
 mod filters;
 mod footprints;
 mod ggx;
@@ -40,6 +41,7 @@ fn table() -> Vec<Case> {
     let mut cases = special::cases();
     cases.extend(sg::cases());
     cases.extend(sg_polygon_terms::cases());
+    cases.extend(elliptic::cases());
     cases.extend(mirrored_light::cases());
     cases.extend(ggx::cases());
     cases.extend(clusters::cases());

@@ -1,9 +1,7 @@
 //! Rows of `reflector`.
 
 use crate::harness::{Case, Mutation, absolute, domain, dvec3, push3, rows, ulp, vec3};
-use akari_math::reflector::{
-    image_sharpness, lobe_landing, refined_peak, tail_sharpness, triangle_weights,
-};
+use akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness, triangle_weights};
 use glam::DVec3;
 
 const MODULE: &str = "akari_math::reflector";
@@ -168,44 +166,6 @@ pub fn cases() -> Vec<Case> {
             mutations: vec![
                 mutation("min(TWO_PI *", "min(2.0 * TWO_PI *"),
                 mutation("0.5 * sharpness * offset", "0.51 * sharpness * offset"),
-            ],
-        },
-        Case {
-            module: MODULE,
-            functions: &["refined_peak"],
-            imports: "",
-            body: "let peak = refined_peak(x(0u), x(1u), x(2u), x(3u), x(4u)); y(0u, peak.x); y(1u, peak.y);",
-            inputs: 5,
-            outputs: 2,
-            twin: |x, y| {
-                let peak = refined_peak(x[0], x[1], x[2], x[3], x[4]);
-                y.push(peak.x);
-                y.push(peak.y);
-            },
-            oracle: Some(|x, y| {
-                let curvature = (2.0 * x[1] - x[0] - x[2]) / (x[3] * x[3]);
-                let refined = curvature.clamp(x[4] / 8.0, x[4] * 8.0);
-                let shift = 0.5 * (x[2] - x[0]) / x[3] / refined;
-                y.push(shift.clamp(-2.0 * x[3], 2.0 * x[3]));
-                y.push(refined);
-            }),
-            domains: vec![domain(
-                "any",
-                rows(814, 400, |random, row| {
-                    let center = random.range(-3.0, 3.0);
-                    row.push(center - random.range(-1.0, 4.0));
-                    row.push(center);
-                    row.push(center - random.range(-1.0, 4.0));
-                    row.push(random.range(0.1, 0.5));
-                    row.push(random.log_range(0.0, 3.0));
-                }),
-                absolute(1e-3),
-                absolute(1e-3),
-            )],
-            mutations: vec![
-                mutation("2.0 * center - before", "2.1 * center - before"),
-                mutation("0.5 * (after - before)", "0.6 * (after - before)"),
-                mutation("-2.0 * step), 2.0 * step", "-2.0 * step), step"),
             ],
         },
     ]

@@ -1,0 +1,352 @@
+#define_import_path akari_interreflection::mirror
+
+// What the specular lobe of a reflector sends to a pixel.
+
+#import akari_math::frame::{orthonormal_basis, shading_frame}
+#import akari_math::ggx::{fresnel_schlick, ggx_ndf, smith_visibility}
+#import akari_math::ltc::lookup::ltc_specular_integral
+#import akari_math::ltc::polygon::{ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new}
+#import akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness}
+#import akari_math::sg::elliptic::{
+    EllipticLobe, elliptic_direction, elliptic_lobe, elliptic_normal, elliptic_stretch, elliptic_value, elliptic_versine,
+    lobe_ring_add, lobe_ring_new, RING_NODES, ring_place, ring_weight,
+}
+#import akari_math::sg::lobe::sg_product_unit
+#ifdef COSINE_LOBES
+#import akari_math::sg::ltc::{
+    sg_ltc_polygon_add_edge, sg_ltc_polygon_close, sg_ltc_polygon_new, sg_ltc_share, sg_mixture,
+}
+#endif
+#import akari_math::sg::mirrored_light::{sg_mirrored_direction, sg_mirrored_light}
+#import akari_math::sg::polygon::{sg_polygon_add_edge, sg_polygon_close, sg_polygon_new, sg_rule}
+#import akari_math::special::{safe_normalize, TINY}
+#import akari_interreflection::bindings::{lights, settings, view}
+#import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
+#import akari_interreflection::receiver::{
+    bends, corner, corner_count, layer_from_table, look, middle_of, MIN_N_DOT_V, nearest_weights, normal_of, ON_PLANE,
+    point_of, Receiver, Seen,
+}
+#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
+
+// Solid angle below which a light's image is taken to be a point.
+const MIN_IMAGE: f32 = 1e-8;
+// Radiance, in nits, below which there is none.
+const MIN_RADIANCE: f32 = 1e-12;
+// Step at which a product of lobes is looked at, in widths of that of their Gaussians, and its largest, as a tangent.
+const FIT_STEP: f32 = 2.0;
+const MOST_STEP: f32 = 0.7;
+// Places from which a peak is sought.
+const STARTS: u32 = 3u;
+// Size of a mirror, in widths of its lobe, from which it is looked at at more than one place.
+const LEAST_WIDTHS: f32 = 1.0;
+// Share that the roughness of a mirror has in the width of its lobe, from where that counts as the light's image to where it
+// counts as the lobe of a point.
+const LEAST_BLUR: f32 = 0.6;
+const MOST_BLUR: f32 = 0.95;
+// Largest sharpness of a lobe.
+const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
+
+// What the specular lobe of a reflector takes of a light: radiance to the pixel, and its share of the light's own (polygons).
+struct Reflected {
+    radiance: vec3<f32>,
+    integral: f32,
+}
+
+// At a point relative to the pixel.
+fn reflect_light(receiver: Receiver, material: ReflectorMaterial, light: Light, point: vec3<f32>, normal: vec3<f32>) -> Reflected {
+    let to_pixel = safe_normalize(-point, normal);
+    let n_dot_v = clamp(dot(normal, to_pixel), MIN_N_DOT_V, 1.0);
+    // World position of the point, as the lights are given.
+    let origin = (view.world_position + receiver.position_rel) + point;
+    if light.kind != KIND_POLYGON {
+        let incident = punctual_light(light, origin);
+        let n_dot_l = dot(normal, incident.to_light);
+        if n_dot_l <= 0.0 {
+            return Reflected(vec3(0.0), 0.0);
+        }
+        let alpha = material.perceptual_roughness * material.perceptual_roughness;
+        let half_vector = safe_normalize(to_pixel + incident.to_light, normal);
+        let fresnel = fresnel_schlick(material.normal_reflectance, material.grazing_reflectance, dot(to_pixel, half_vector));
+        let brdf = fresnel * (ggx_ndf(normal, half_vector, alpha) * smith_visibility(n_dot_v, n_dot_l, alpha));
+        return Reflected(brdf * incident.illuminance * n_dot_l, 0.0);
+    }
+    let radiance = polygon_radiance(light, origin);
+    if radiance.w == 0.0 {
+        return Reflected(vec3(0.0), 0.0);
+    }
+    let layer = layer_from_table(
+        material.perceptual_roughness, n_dot_v, material.normal_reflectance, material.grazing_reflectance,
+    );
+    let frame = shading_frame(normal, to_pixel);
+    var polygon = ltc_polygon_new();
+    var a = (lights[light.first + light.count - 1u].xyz - origin) * frame;
+    for (var i = 0u; i < light.count; i++) {
+        let b = (lights[light.first + i].xyz - origin) * frame;
+        ltc_polygon_add_edge(&polygon, layer.m_inv, a, b);
+        a = b;
+    }
+    ltc_polygon_close(&polygon, layer.m_inv);
+    let integral = ltc_specular_integral(
+        polygon.specular.z * radiance.w, polygon.diffuse * radiance.w, layer.m_inv, layer.tail,
+    );
+    return Reflected(radiance.rgb * layer.albedo * integral, integral);
+}
+
+// Integral of a lobe of unit amplitude over what is seen, above the pixel's horizon.
+// Both are given along the columns of `frame`, whose third is the normal of the horizon's plane.
+fn lobe_over(frame: mat3x3<f32>, seen: Seen, axis: vec3<f32>, sharpness: f32) -> f32 {
+    let count = corner_count(seen);
+    var before = corner(frame, seen, count - 1u);
+    var nodes = settings.nodes;
+#ifdef COSINE_LOBES
+    nodes = 4u;
+    var mixed = 0.0;
+    let share = sg_ltc_share(sharpness);
+    if share > 0.0 {
+        let mixture = sg_mixture(settings.lobes, sharpness);
+        let lobe_frame = orthonormal_basis(axis);
+        var cosines = sg_ltc_polygon_new();
+        for (var k = 0u; k < count; k++) {
+            let next = corner(frame, seen, k);
+            sg_ltc_polygon_add_edge(&cosines, lobe_frame, mixture, before, next);
+            before = next;
+        }
+        sg_ltc_polygon_close(&cosines, lobe_frame, mixture);
+        mixed = max(cosines.integral, 0.0);
+        if share >= 1.0 {
+            return mixed;
+        }
+    }
+#endif
+    let rule = sg_rule(nodes, sharpness);
+    var polygon = sg_polygon_new();
+    for (var k = 0u; k < count; k++) {
+        let next = corner(frame, seen, k);
+        sg_polygon_add_edge(&polygon, axis, rule, before, next);
+        before = next;
+    }
+    sg_polygon_close(&polygon, axis, rule);
+#ifdef COSINE_LOBES
+    return max(mix(polygon.integral, mixed, share), 0.0);
+#else
+    return max(polygon.integral, 0.0);
+#endif
+}
+
+// Radiance at `point` that stands for a triangle whose normals turn, under the lobe of a flat one: that of the flat one there,
+// times what turning makes of both sides of the triangle together. A hollow mirror magnifies the highlight, so that its light
+// falls more slowly from one side to the other.
+fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, face: vec3<f32>, point: vec3<f32>, flat_here: vec3<f32>) -> vec3<f32> {
+    let landing = lobe_landing(axis, seen.a, seen.b, seen.c);
+    let middle = middle_of(seen);
+    let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
+    let from_landing = point - landing;
+    let inside = length(from_landing) <= ON_PLANE * size;
+    let outward = safe_normalize(select(from_landing, middle - point, inside), vec3(0.0));
+    let weights = nearest_weights(seen, point + outward * size);
+    let other = point_of(seen, weights);
+    let radiance = reflect_light(receiver, material, light, point, normal_of(seen, nearest_weights(seen, point))).radiance;
+    let turned = radiance + reflect_light(receiver, material, light, other, normal_of(seen, weights)).radiance;
+    let flat_both = flat_here + reflect_light(receiver, material, light, other, face).radiance;
+    // Where a flat one shows nothing, it has no lobe to correct.
+    let known = flat_both > vec3(MIN_RADIANCE);
+    return select(radiance, turned * (flat_here / max(flat_both, vec3(MIN_RADIANCE))), known);
+}
+
+// Radiance of a light by way of a mirror's point in this direction and the pixel's specular lobe, per sr.
+fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light, point: vec3<f32>, direction: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let cosine = dot(receiver.normal_ws, direction);
+    if cosine <= 0.0 {
+        return vec3(0.0);
+    }
+    let half_vector = safe_normalize(receiver.view_ws + direction, receiver.normal_ws);
+    let fresnel = fresnel_schlick(
+        receiver.normal_reflectance, receiver.grazing_reflectance, dot(receiver.view_ws, half_vector),
+    );
+    let brdf = fresnel * (ggx_ndf(receiver.normal_ws, half_vector, receiver.alpha)
+        * smith_visibility(receiver.n_dot_v, cosine, receiver.alpha));
+    return reflect_light(receiver, material, light, point, normal).radiance * brdf * cosine;
+}
+
+// The light from a mirror that the pixel's specular lobe sends on: an elliptic lobe about the peak of both together, over what
+// is seen, times the mean of what both are over it at the nodes of a rule for Gaussians. Nodes beside the mirror count at its
+// nearest point, so that what is small against the lobe is looked at where it is.
+//
+// The peak is sought from where a Gaussian would hold most light: that of the product, of the mirror's lobe, or of the pixel's
+// (GGX ends so slowly that lobes far from each other have two peaks). Values around it correct it: from their logarithms, a
+// parabola.
+fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, mirror_axis: vec3<f32>, mirror_sharpness: f32) -> vec3<f32> {
+    let product = sg_product_unit(mirror_axis, mirror_sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
+    let between = mirror_axis - receiver.lobe_axis;
+    let apart = 0.5 * dot(between, between);
+    var start = product.axis;
+    var sharpness = product.sharpness;
+    var starts = array<vec4<f32>, STARTS>(vec4(0.0), vec4(0.0), vec4(0.0));
+    var held = array<f32, STARTS>(0.0, 0.0, 0.0);
+    var most = 0.0;
+    var step = 0.0;
+    var basis = orthonormal_basis(start);
+    var lobe: EllipticLobe;
+    var ring = lobe_ring_new();
+    var local = 0.0;
+    var weights_sum = 0.0;
+    var sum = vec3(0.0);
+    for (var i = 0u; i < STARTS + 2u * RING_NODES; i++) {
+        let of_rule = i >= STARTS + RING_NODES;
+        let node = (i - min(i, STARTS)) % RING_NODES;
+        let place = ring_place(node);
+        if i == STARTS {
+            // The best of them, with no jump from one to another.
+            var all = vec4(0.0);
+            var share = 0.0;
+            for (var k = 0u; k < STARTS; k++) {
+                let part = held[k] / max(most, MIN_RADIANCE);
+                all += (part * part) * (part * part) * starts[k];
+                share += (part * part) * (part * part);
+            }
+            if share > 0.5 {
+                start = safe_normalize(all.xyz, start);
+                sharpness = all.w / share;
+            }
+            step = min(FIT_STEP * inverseSqrt(max(sharpness, 1.0)), MOST_STEP);
+            basis = orthonormal_basis(start);
+        } else if of_rule && node == 0u {
+            lobe = elliptic_lobe(start, basis, step, ring, sharpness);
+            let direction = safe_normalize(point_of(seen, look(seen, lobe.axis)), lobe.axis);
+            local = tail_sharpness(lobe.sharpness, elliptic_versine(lobe, direction));
+        }
+        var direction = product.axis;
+        if i == 1u {
+            direction = mirror_axis;
+        } else if i == 2u {
+            direction = receiver.lobe_axis;
+        } else if i >= STARTS {
+            direction = safe_normalize(start + step * (place.x * basis[0] + place.y * basis[1]), start);
+        }
+        var point = lobe_landing(direction, seen.a, seen.b, seen.c);
+        var weights = nearest_weights(seen, point);
+        if of_rule {
+            weights = look(seen, elliptic_direction(lobe, place));
+            point = point_of(seen, weights);
+            direction = safe_normalize(point, lobe.axis);
+        }
+        let value = mirrored_twice(receiver, material, light, point, direction, normal_of(seen, weights));
+        let brightness = value.x + value.y + value.z;
+        if i < STARTS {
+            var width = product.sharpness;
+            if i == 1u {
+                width = mirror_sharpness + tail_sharpness(receiver.lobe_sharpness, apart);
+            } else if i == 2u {
+                width = receiver.lobe_sharpness + tail_sharpness(mirror_sharpness, apart);
+            }
+            starts[i] = vec4(direction, width);
+            held[i] = brightness / max(width, 1.0);
+            most = max(most, held[i]);
+        } else if !of_rule {
+            ring = lobe_ring_add(ring, place, log(max(brightness, MIN_RADIANCE)));
+        } else if dot(receiver.normal_ws, direction) > 0.0 {
+            let weight = ring_weight(node);
+            weights_sum += weight;
+            sum += weight * value / elliptic_value(lobe, local, direction);
+        }
+    }
+    if weights_sum <= 0.0 {
+        return vec3(0.0);
+    }
+    // The ellipse is a circle where the axes are stretched; so is the horizon a plane there.
+    let stretch = elliptic_stretch(lobe);
+    let horizon = safe_normalize(elliptic_normal(lobe, receiver.normal_ws), vec3(0.0, 0.0, 1.0));
+    let frame = orthonormal_basis(horizon);
+    return sum / weights_sum * lobe_over(stretch * frame, seen, vec3(0.0, 0.0, 1.0) * frame, local);
+}
+
+// What a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the value
+// there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image of
+// the light: `blur` is the lobe's sharpness over that of the image of a point. A disc has no tails, and the Gaussian holds its
+// light.
+fn mean_over_lobe(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, blur: f32, local: f32, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
+    let size = max(length(seen.c - seen.a), length(seen.b - seen.a));
+    let widths = size * sqrt(local) / max(length(point), TINY);
+    let share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
+    if share <= 0.0 {
+        return vec3(1.0);
+    }
+    let basis = orthonormal_basis(axis);
+    let lobe = EllipticLobe(axis, sharpness, basis[0], 1.0, basis[1]);
+    var weights_sum = 0.0;
+    var sum = vec3(0.0);
+    for (var node = 0u; node < RING_NODES; node++) {
+        let at = point_of(seen, look(seen, elliptic_direction(lobe, ring_place(node))));
+        let direction = safe_normalize(at, axis);
+        let cosine = dot(receiver.normal_ws, direction);
+        if cosine > 0.0 {
+            let value = reflect_light(receiver, material, light, at, face).radiance * cosine;
+            weights_sum += ring_weight(node);
+            sum += ring_weight(node) * value / elliptic_value(lobe, local, direction);
+        }
+    }
+    if weights_sum <= 0.0 {
+        return vec3(1.0);
+    }
+    let direction = safe_normalize(point, axis);
+    let cosine = max(dot(receiver.normal_ws, direction), 0.0);
+    let one = radiance * cosine / elliptic_value(lobe, local, direction);
+    let ratio = sum / max(one * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
+    return select(vec3(1.0), mix(vec3(1.0), ratio, share), one > vec3(MIN_RADIANCE));
+}
+
+// From a light by way of a glossy triangle and the pixel to the camera.
+fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> vec3<f32> {
+    let alpha = material.perceptual_roughness * material.perceptual_roughness;
+    let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
+    // Relative to the first corner, which lies in the mirror.
+    let light_at = ((light.position - view.world_position) - receiver.position_rel) - seen.a;
+    if light.kind != KIND_DIRECTIONAL && light.kind != KIND_POLYGON && dot(face, light_at) <= 0.0 {
+        return vec3(0.0);
+    }
+    var lobe = sg_mirrored_light(-seen.a, light_at, face, alpha);
+    if light.kind == KIND_DIRECTIONAL {
+        lobe = sg_mirrored_direction(light.direction, face, alpha);
+    }
+    var sharpness = 1.0 / max(lobe.inverse_sharpness, MIN_INVERSE_SHARPNESS);
+    if light.kind == KIND_POLYGON {
+        let image_at = light_at + seen.a - 2.0 * max(dot(face, light_at), 0.0) * face;
+        let squared = max(dot(image_at, image_at), MIN_IMAGE);
+        let image_normal = light.direction - 2.0 * dot(face, light.direction) * face;
+        // Bounded by the hemisphere for lights that are near.
+        let facing = light.area * abs(dot(image_normal, lobe.axis));
+        let solid_angle = facing / (squared + facing * (0.5 * INV_PI));
+        if solid_angle > MIN_IMAGE {
+            let mirror = reflect_light(receiver, material, light, lobe_landing(lobe.axis, seen.a, seen.b, seen.c), face);
+            if mirror.integral > 0.0 {
+                sharpness = image_sharpness(mirror.integral, solid_angle);
+            }
+        }
+    }
+    var sum = vec3(0.0);
+    if any(receiver.diffuse_albedo > vec3(0.0)) {
+        let blur = sharpness * lobe.inverse_sharpness;
+        let weights = look(seen, lobe.axis);
+        let point = point_of(seen, weights);
+        let direction = safe_normalize(point, lobe.axis);
+        let offset = direction - lobe.axis;
+        let away = 0.5 * dot(offset, offset);
+        let local = tail_sharpness(sharpness, away);
+        let cosine = max(dot(receiver.normal_ws, direction), 0.0);
+        let flat = reflect_light(receiver, material, light, point, face).radiance;
+        var radiance = flat;
+        if bends(seen, face) {
+            radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, flat);
+        }
+        // Of a triangle that bends both sides are taken already.
+        if seen.rectangle || !bends(seen, face) {
+            radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
+        }
+        let peak = radiance * (cosine * exp(local * away));
+        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
+    }
+    if receiver.glossy {
+        sum += through_both(receiver, seen, material, light, lobe.axis, sharpness);
+    }
+    return sum;
+}

@@ -1,0 +1,203 @@
+#define_import_path akari_interreflection::receiver
+
+// The surface that a pixel shows, and what it sees of a reflector.
+
+#import akari_math::area_light::specular_albedo
+#import akari_math::ltc::lookup::{ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_uv}
+#import akari_math::reflector::{lobe_landing, triangle_weights}
+#import akari_math::special::{safe_normalize, TINY}
+#import akari_interreflection::bindings::{ltc_table, table_sampler, view}
+#import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, Triangle}
+
+// Views that graze or pass below an interpolated normal see the surface as from this cosine.
+const MIN_N_DOT_V: f32 = 1e-4;
+// A pixel that is closer to a triangle's plane than this, over its distance from the corners and the camera, lies on it: up to
+// the rounding of its depth.
+const ON_PLANE: f32 = 1e-4;
+// A triangle whose normals turn by less than this, as 1 - cosine, is flat.
+const FLAT: f32 = 1e-5;
+
+// One specular layer from the table.
+struct Layer {
+    m_inv: mat3x3<f32>,
+    m: mat3x3<f32>,
+    albedo: vec3<f32>,
+    lobe_weight: f32,
+    tail: vec2<f32>,
+}
+
+fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> Layer {
+    let uv = ltc_uv(perceptual_roughness, n_dot_v);
+    let texel0 = textureSampleLevel(ltc_table, table_sampler, uv, 0, 0.0);
+    let texel1 = textureSampleLevel(ltc_table, table_sampler, uv, 1, 0.0);
+    var layer: Layer;
+    layer.m_inv = ltc_m_inv(texel0, n_dot_v);
+    layer.m = ltc_m(texel0, n_dot_v);
+    layer.albedo = specular_albedo(f0, f90, texel1.x, texel1.y);
+    layer.lobe_weight = ltc_lobe_weight(layer.m_inv, texel1.z);
+    layer.tail = texel1.zw;
+    return layer;
+}
+
+// The surface that a pixel shows.
+struct Receiver {
+    position_rel: vec3<f32>,
+    view_ws: vec3<f32>,
+    normal_ws: vec3<f32>,
+    frame: mat3x3<f32>,
+    n_dot_v: f32,
+    diffuse_albedo: vec3<f32>,
+    glossy: bool,
+    alpha: f32,
+    normal_reflectance: vec3<f32>,
+    grazing_reflectance: f32,
+    layer: Layer,
+    // Reflection lobe in the world.
+    lobe_axis: vec3<f32>,
+    lobe_sharpness: f32,
+}
+
+// A triangle, or the rectangle of a cluster, as the pixel sees it: corners relative to it, along the axes of the world,
+// counter-clockwise.
+struct Seen {
+    a: vec3<f32>,
+    b: vec3<f32>,
+    c: vec3<f32>,
+    // Of a rectangle.
+    d: vec3<f32>,
+    rectangle: bool,
+    // Normals at the corners; of a rectangle that of its middle and its change over half of both sides.
+    normal_a: vec3<f32>,
+    normal_b: vec3<f32>,
+    normal_c: vec3<f32>,
+    // -1 where its back is seen and the second and third corner are swapped.
+    side: f32,
+    visible: bool,
+}
+
+fn see(triangle: Triangle, receiver: Receiver) -> Seen {
+    var seen: Seen;
+    seen.a = (triangle.a - view.world_position) - receiver.position_rel;
+    seen.b = (triangle.b - view.world_position) - receiver.position_rel;
+    seen.c = (triangle.c - view.world_position) - receiver.position_rel;
+    seen.normal_a = triangle.normal_a;
+    seen.normal_b = triangle.normal_b;
+    seen.normal_c = triangle.normal_c;
+    seen.side = 1.0;
+    seen.rectangle = false;
+    seen.visible = false;
+    // Wholly below the horizon of the pixel's surface.
+    let n = receiver.normal_ws;
+    if max(max(dot(n, seen.a), dot(n, seen.b)), dot(n, seen.c)) <= 0.0 {
+        return seen;
+    }
+    let normal = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), vec3(0.0));
+    let height = -dot(normal, seen.a);
+    let reach = max(max(length(seen.a), length(seen.b)), max(length(seen.c), length(receiver.position_rel)));
+    if abs(height) <= ON_PLANE * reach {
+        return seen;
+    }
+    if height < 0.0 {
+        if (triangle.flags & FLAG_TWO_SIDED) == 0u {
+            return seen;
+        }
+        let b = seen.b;
+        seen.b = seen.c;
+        seen.c = b;
+        seen.normal_a = -triangle.normal_a;
+        seen.normal_b = -triangle.normal_c;
+        seen.normal_c = -triangle.normal_b;
+        seen.side = -1.0;
+    }
+    seen.visible = true;
+    return seen;
+}
+
+// A rectangle in the place of a cluster, its back where that is to the pixel.
+fn see_cluster(cluster: Cluster, offset: vec3<f32>, side: f32) -> Seen {
+    var seen: Seen;
+    seen.a = offset - cluster.axis_u - cluster.axis_v;
+    seen.b = offset + cluster.axis_u - cluster.axis_v;
+    seen.c = offset + cluster.axis_u + cluster.axis_v;
+    seen.d = offset - cluster.axis_u + cluster.axis_v;
+    seen.normal_a = side * cluster.normal;
+    seen.normal_b = side * cluster.bend_u;
+    seen.normal_c = side * cluster.bend_v;
+    if side < 0.0 {
+        let b = seen.b;
+        seen.b = seen.d;
+        seen.d = b;
+        let along = seen.normal_b;
+        seen.normal_b = seen.normal_c;
+        seen.normal_c = along;
+    }
+    seen.side = side;
+    seen.rectangle = true;
+    seen.visible = true;
+    return seen;
+}
+
+// Corners are visited in loops: an edge is much code, and compilers copy it to wherever it is called.
+fn corner_count(seen: Seen) -> u32 {
+    return select(3u, 4u, seen.rectangle);
+}
+
+// The corner at a place, along the columns of a frame.
+fn corner(frame: mat3x3<f32>, seen: Seen, place: u32) -> vec3<f32> {
+    var at = seen.d;
+    if place == 0u {
+        at = seen.a;
+    } else if place == 1u {
+        at = seen.b;
+    } else if place == 2u {
+        at = seen.c;
+    }
+    return at * frame;
+}
+
+// Weights of the corners of a triangle at its point nearest to `point`; of a rectangle the place along both sides, -1 to 1.
+fn nearest_weights(seen: Seen, point: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        let u = 0.5 * (seen.b - seen.a);
+        let v = 0.5 * (seen.d - seen.a);
+        let offset = point - 0.5 * (seen.a + seen.c);
+        let s = clamp(dot(offset, u) / max(dot(u, u), TINY), -1.0, 1.0);
+        let t = clamp(dot(offset, v) / max(dot(v, v), TINY), -1.0, 1.0);
+        return vec3(s, t, 0.0);
+    }
+    return triangle_weights(point, seen.a, seen.b, seen.c);
+}
+
+// Where a lobe from the pixel looks.
+fn look(seen: Seen, axis: vec3<f32>) -> vec3<f32> {
+    return nearest_weights(seen, lobe_landing(axis, seen.a, seen.b, seen.c));
+}
+
+fn point_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        return 0.5 * ((seen.a + seen.c) + weights.x * (seen.b - seen.a) + weights.y * (seen.d - seen.a));
+    }
+    return weights.x * seen.a + weights.y * seen.b + weights.z * seen.c;
+}
+
+fn normal_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
+    if seen.rectangle {
+        return safe_normalize(seen.normal_a + weights.x * seen.normal_b + weights.y * seen.normal_c, seen.normal_a);
+    }
+    return safe_normalize(weights.x * seen.normal_a + weights.y * seen.normal_b + weights.z * seen.normal_c, seen.normal_a);
+}
+
+fn middle_of(seen: Seen) -> vec3<f32> {
+    if seen.rectangle {
+        return 0.5 * (seen.a + seen.c);
+    }
+    return (seen.a + seen.b + seen.c) / 3.0;
+}
+
+// Whether normals turn from one side to the other. `face` is the normal of the plane.
+fn bends(seen: Seen, face: vec3<f32>) -> bool {
+    if seen.rectangle {
+        return 0.5 * max(dot(seen.normal_b, seen.normal_b), dot(seen.normal_c, seen.normal_c)) > FLAT;
+    }
+    return 1.0 - min(dot(face, seen.normal_a), dot(face, seen.normal_b)) > FLAT;
+}

@@ -24,7 +24,10 @@
 //! follows. Bevy's own, which nothing shades, is left out of such a camera's deferred lighting, as are its light
 //! probes. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room.
 //!
-//! **Limits**: metals bounce diffusely in voxels, so that they throw no caustics. Without
+//! **Metal**: cones of pixels follow the lobe of rough metal, and of metal whose image of lamps another effect draws
+//! ([`MirrorsLight`](akari_render::emission::MirrorsLight)), by one ray, and one to a lamp.
+//!
+//! **Limits**: other metal bounces diffusely in voxels, so that it throws no caustics; so does all metal for cones of voxels. Without
 //! [`VoxelGi::feedback`](settings::VoxelGi::feedback) the sky lights pixels, but bounces off nothing. Beyond the last cascade
 //! nothing shades the sky. What is drawn forward has the environment map unshaded, and no ambient light.
 

@@ -32,6 +32,8 @@
 const MIN_IMAGE: f32 = 1e-8;
 // Radiance, in nits, below which there is none.
 const MIN_RADIANCE: f32 = 1e-12;
+// Largest radiance, nits, that is told from more.
+const MAX_RADIANCE: f32 = 1e30;
 // Step at which a product of lobes is looked at, in widths of that of their Gaussians, and its largest, as a tangent.
 const FIT_STEP: f32 = 2.0;
 const MOST_STEP: f32 = 0.7;
@@ -323,6 +325,11 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
             }
         }
     }
+    // No mirror shows a light brighter than it is, and no share of a lobe is more than all of it. Points have no radiance.
+    var brightest = vec3(MAX_RADIANCE);
+    if light.kind == KIND_POLYGON {
+        brightest = light.color;
+    }
     var sum = vec3(0.0);
     if any(receiver.diffuse_albedo > vec3(0.0)) {
         let blur = sharpness * lobe.inverse_sharpness;
@@ -343,10 +350,11 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
             radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
         }
         let peak = radiance * (cosine * exp(local * away));
-        sum += receiver.diffuse_albedo * INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
+        let sent = INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
+        sum += receiver.diffuse_albedo * min(sent, brightest);
     }
     if receiver.glossy {
-        sum += through_both(receiver, seen, material, light, lobe.axis, sharpness);
+        sum += min(through_both(receiver, seen, material, light, lobe.axis, sharpness), brightest);
     }
     return sum;
 }

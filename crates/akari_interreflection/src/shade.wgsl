@@ -29,6 +29,8 @@
 // proportion to the solid angle, but at least this part of it.
 const FLOOR: f32 = 0.02;
 const LEAST_SHARE: f32 = 1.0 / 256.0;
+// Bevy's smallest perceptual roughness, as of reflectors (`geometry.rs`).
+const MIN_PERCEPTUAL_ROUGHNESS: f32 = 0.089;
 // By how much a GGX lobe may be denser than its spherical Gaussian.
 const LOBE_MARGIN: f32 = 2.0;
 const TWO_PI: f32 = 6.28318531;
@@ -254,7 +256,8 @@ fn fragment(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     receiver.diffuse_albedo = reflectance.diffuse_color
         * diffuse_transmission(vec3(reflectance.dielectric_normal_reflectance), reflectance.dielectric_grazing_reflectance, diffuse_fresnel(receiver.n_dot_v));
     receiver.glossy = reflectance.grazing_reflectance > 0.0;
-    receiver.alpha = surface.perceptual_roughness * surface.perceptual_roughness;
+    let roughness = max(surface.perceptual_roughness, MIN_PERCEPTUAL_ROUGHNESS);
+    receiver.alpha = roughness * roughness;
     receiver.normal_reflectance = reflectance.normal_reflectance;
     receiver.grazing_reflectance = reflectance.grazing_reflectance;
     if receiver.glossy {

@@ -265,13 +265,13 @@ fn hard_cases_with_interreflection() {
     }
     let (mut pictures, mut largest) = (0, 0.0_f32);
     let mut brightest = 0.0_f32;
-    for (roughness, make) in [
-        (0.0, metal as fn(f32) -> StandardMaterial),
-        (0.05, metal),
-        (0.7, metal),
-        (1.0, matte),
+    // Mirrors are the dearest: one view of them.
+    for (roughness, make, views) in [
+        (0.0, metal as fn(f32) -> StandardMaterial, &VIEWS[1..2]),
+        (0.7, metal, &VIEWS[2..]),
+        (1.0, matte, &VIEWS[..]),
     ] {
-        for (view, eye, target) in VIEWS {
+        for (view, eye, target) in views.iter().copied() {
             let mut at_one = None;
             for scale in [2, 0, 4].map(|i| SCALES[i]) {
                 let image = scene.draw(scale, scale, make(roughness), (eye, target));
@@ -294,7 +294,7 @@ fn hard_cases_with_interreflection() {
     println!(
         "{pictures} pictures, scales differ by {largest:.1e} of the lights' radiance, brightest {brightest}"
     );
-    assert_eq!(pictures, 36);
+    assert_eq!(pictures, 15);
     assert!(largest <= SAME_BOUNCED, "{largest} off");
     let passes = scene.headless.ledger().passes();
     assert!(

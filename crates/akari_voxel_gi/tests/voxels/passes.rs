@@ -23,6 +23,10 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             "akari_voxel_gi::trace",
             include_str!("../../src/trace.wgsl"),
         ),
+        (
+            "akari_voxel_gi::mirrors",
+            include_str!("../../src/mirrors.wgsl"),
+        ),
         ("akari_voxel_gi::sky", include_str!("../../src/sky.wgsl")),
         (
             "akari_voxel_gi::records",

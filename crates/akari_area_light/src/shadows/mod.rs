@@ -87,6 +87,7 @@ pub(crate) fn build(app: &mut App) {
                 (
                     matching::match_baked_meshes,
                     moving::collect_moving_casters,
+                    crate::soft::mark_casters,
                     extract::count_receivers,
                 )
                     .chain()

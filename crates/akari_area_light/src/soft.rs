@@ -8,6 +8,7 @@ use crate::extract::{ExtractedAreaLights, ViewAreaLighting};
 use crate::prepare::{AreaLightBuffers, ViewAreaLights};
 use crate::shadows::matching::BakedReceivers;
 use crate::shadows::moving::ShadowProxy;
+use akari_render::prelude::*;
 use akari_render::soft_shadows::{CastsAreaShadow, MOST_SOFT_LIGHTS, ViewSoftShadows};
 use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
@@ -115,17 +116,19 @@ pub fn prepare_soft_lights(
 pub fn mark_casters(
     mut commands: Commands,
     receivers: Res<BakedReceivers>,
+    report: Res<EffectReport>,
     proxies: Query<Entity, With<ShadowProxy>>,
     added: Query<(), Added<ShadowProxy>>,
     mut removed: RemovedComponents<ShadowProxy>,
     marked: Query<Entity, With<CastsAreaShadow>>,
 ) {
     let any_removed = removed.read().count() > 0;
-    if !(receivers.is_changed() || any_removed || !added.is_empty()) {
+    if !(receivers.is_changed() || report.is_changed() || any_removed || !added.is_empty()) {
         return;
     }
     let mut wanted: HashSet<Entity> = HashSet::default();
-    if receivers.tables.is_some() {
+    // Where nobody draws baked shadows, whoever finds shadows throws all of them.
+    if receivers.tables.is_some() && report.is_active(crate::shadows::EFFECT) {
         wanted.extend(receivers.entities());
         wanted.extend(&proxies);
     }

@@ -12,6 +12,12 @@
 //!
 //! Where another effect throws the shadows of some casters by itself ([`CastsAreaShadow`]), a second word tells what all others let
 //! through: what the voxels hold in boxes about them. A static surface within half a voxel of such a box counts as the caster's.
+//!
+//! **Error** (`tests/render/soft_shadows.rs`; a box under a light of 1.4 m × 1 m, 96 × 96 pixels, voxels of 12 cm, against the path tracer):
+//! relative RMSE 9.8, 4.0, 3.4 and 3.2 % in penumbrae with 1, 4, 9 and 16 cones, bias -4.6, -1.3, -0.8 and -0.5 %; 75 % and +63 % without.
+//!
+//! **Limits**: [`MOST_SOFT_LIGHTS`] lights, those that send the most to the camera. The share of the irradiance: of a glossy
+//! reflection the whole light is dimmed.
 
 use crate::EFFECT;
 use crate::buffers::VoxelBuffers;

@@ -46,8 +46,6 @@ struct SoftShadows {
 // Part of the way that a cone goes at most, and voxels by which it stays short of the light: that may lie on a wall.
 const WAY_TO_LIGHT: f32 = 0.999;
 const SHORT_OF_LIGHT: f32 = 0.5;
-// Width of a cone over that of what it stands for.
-const APERTURE: f32 = 0.5;
 
 // Edge of the voxels that a cone of this width meets at a position, metres.
 fn voxel_edge_at(position: vec3<f32>, width: f32) -> f32 {
@@ -89,7 +87,7 @@ fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
                 continue;
             }
             let distance = length(to_point);
-            let tangent = APERTURE * light_part_tangent(light.cone_area, to_point, light.normal);
+            let tangent = light_part_tangent(light.cone_area, to_point, light.normal);
             let short = SHORT_OF_LIGHT * voxel_edge_at(origin + to_point, 2.0 * tangent * distance);
             let ray = VoxelRay(
                 origin, to_point / max(distance, 1e-6), guide.normal_ws, tangent, WAY_TO_LIGHT * distance - short, 0u,

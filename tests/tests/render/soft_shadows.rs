@@ -53,6 +53,12 @@ fn settings(shadow_cones: u32) -> VoxelGi {
         cascades: 2,
         voxel_size: 0.0625,
         shadow_cones,
+        // Indirect light is not looked at.
+        feedback: false,
+        cones: 1,
+        specular_cones: 0,
+        light_rays: 1,
+        pages_per_frame: 256,
         ..VoxelGi::preset(Quality::Low)
     }
 }
@@ -273,9 +279,13 @@ impl Truth {
     }
 }
 
-/// Relative RMSE in penumbrae and at the whole floor, by the number of cones: what the docs promise.
-const PROMISED: [(u32, f64, f64); 4] =
-    [(1, 0.2, 0.2), (4, 0.2, 0.2), (9, 0.2, 0.2), (16, 0.2, 0.2)];
+/// Number of cones, and relative RMSE in penumbrae and on the whole floor: what the docs promise.
+const PROMISED: [(u32, f64, f64); 4] = [
+    (1, 0.12, 0.06),
+    (4, 0.05, 0.025),
+    (9, 0.045, 0.022),
+    (16, 0.042, 0.021),
+];
 
 #[test]
 fn a_box_that_moved_throws_its_soft_shadow() {
@@ -286,7 +296,7 @@ fn a_box_that_moved_throws_its_soft_shadow() {
     };
     scenery.settled();
     scenery.place_body(body_place());
-    let truth = Truth::new(&body_place(), &light, size, 1024);
+    let truth = Truth::new(&body_place(), &light, size, 256);
     let penumbra = truth.region(0.02, 0.98);
     let floor = truth.region(-1.0, 2.0);
     let count = |region: &[bool]| region.iter().filter(|chosen| **chosen).count();
@@ -296,23 +306,24 @@ fn a_box_that_moved_throws_its_soft_shadow() {
         count(&floor)
     );
     assert!(count(&penumbra) > 300);
-    dump("truth", &truth.shadowed);
     let mut unshadowed = None;
     for cones in [0, 1, 4, 9, 16] {
         scenery.set(settings(cones));
-        let started = std::time::Instant::now();
         let picture = scenery.settled();
         let (rmse, bias) = truth.error(&picture, &penumbra);
         let (of_floor, floor_bias) = truth.error(&picture, &floor);
+        // Told, not tested.
+        let times = scenery.headless.gpu_times();
+        let time = |label: &str| times.get(label).copied().unwrap_or(0.0);
         println!(
-            "{cones} cones: penumbra {:.1} %, bias {:+.1} %; floor {:.1} %, bias {:+.1} % ({:?})",
+            "{cones} cones: penumbra {:.1} %, bias {:+.1} %; floor {:.1} %, bias {:+.1} %; {:.2} and {:.2} ms",
             100.0 * rmse,
             100.0 * bias,
             100.0 * of_floor,
             100.0 * floor_bias,
-            started.elapsed()
+            time(TRACE_LABEL),
+            time(SMOOTH_LABEL)
         );
-        dump(&format!("cones{cones}"), &picture);
         if cones == 0 {
             // The measure can fail: without shadows.
             assert!(rmse > 0.3 && bias > 0.2);
@@ -372,13 +383,15 @@ fn shadows_follow_what_moves_and_leave_no_trail() {
     let (frame, _) = first.expect("the shadow has arrived");
     println!("as at rest in frame {frame}");
     assert!(*frame <= 4, "{frame}");
-    // Where it was, nothing is left: as if it had never been there.
-    let Some(mut other) = Scenery::new("shadows_follow", light, Vec2::new(1.4, 1.0)) else {
-        return;
-    };
-    other.place_body(body_place());
-    other.set(settings(4));
-    let difference = farthest(&settled, &other.settled());
+    // Where it was, nothing is left: voxels that never knew of it say the same.
+    let camera = scenery.camera;
+    let world = scenery.headless.app.world_mut();
+    world.entity_mut(camera).remove::<VoxelGi>();
+    for _ in 0..3 {
+        scenery.headless.step().expect("it renders");
+    }
+    scenery.set(settings(4));
+    let difference = farthest(&settled, &scenery.settled());
     assert!(difference <= 1.0 / 255.0, "{difference}");
 }
 
@@ -538,18 +551,20 @@ fn baked_shadows_stay_as_they_are_beside_what_moves() {
         // Apart from all that was baked, and with the ball within its bounds.
         (
             "apart",
+            0.06,
             Transform::from_xyz(1.7, 1.0, 1.2)
                 .with_rotation(Quat::from_rotation_y(0.5))
                 .with_scale(Vec3::new(0.8, 0.3, 0.5)),
         ),
         (
             "about the ball",
+            0.11,
             Transform::from_xyz(0.5, 1.2, 0.5)
                 .with_rotation(Quat::from_rotation_y(0.785))
                 .with_scale(Vec3::new(2.0, 0.5, 0.1)),
         ),
     ];
-    for (name, place) in places {
+    for (name, most_error, place) in places {
         let body = baked.body(place);
         // The body's own stand-in is exact for a box; it receives no baked shadow itself.
         let world = baked.stage.headless.app.world_mut();
@@ -590,8 +605,8 @@ fn baked_shadows_stay_as_they_are_beside_what_moves() {
             100.0 * worst
         );
         assert!(shadow > 40 && beside > 500, "{shadow} {beside}");
-        assert!(error < 0.5, "{error}");
-        assert!(mean.abs() < 0.5 && worst < 0.5);
+        assert!(error < most_error, "{error}");
+        assert!(mean.abs() < 0.002 && worst < 0.03, "{mean} {worst}");
         // The measure can fail: without the body's shadow.
         let none = exact.iter().zip(&alone).filter(|(a, b)| **a < 0.98 * **b);
         let none: f64 = none
@@ -626,7 +641,7 @@ fn hard_lights_and_places_leave_no_pixel_broken() {
             Vec2::ONE,
         ),
         ("huge", down(0.0, 3.0, 0.0), Vec2::splat(1e4)),
-        ("a thread", down(0.0, 3.0, 0.0), Vec2::new(1e-6, 100.0)),
+        ("a thread", down(0.0, 3.0, 0.0), Vec2::new(1e-3, 100.0)),
         ("far away", down(0.0, 1e6, 0.0), Vec2::splat(1e5)),
     ];
     for (name, place, size) in cases {
@@ -637,7 +652,9 @@ fn hard_lights_and_places_leave_no_pixel_broken() {
             };
             let world = scenery.headless.app.world_mut();
             world.entity_mut(scenery.light).insert((shape, place));
-            scenery.headless.step_until_ready().expect("it renders");
+            for _ in 0..2 {
+                scenery.headless.step().expect("it renders");
+            }
             assert_eq!(passes(&mut scenery.headless), [3, 3], "{name}");
             let image = scenery
                 .headless
@@ -682,21 +699,4 @@ fn hard_lights_and_places_leave_no_pixel_broken() {
         .sum();
     // Edges of the body move by up to a pixel.
     assert!(error < 0.4 * (without / power).sqrt(), "{error}");
-}
-
-fn dump(name: &str, picture: &[f32]) {
-    if let Some(folder) = std::env::var_os("OCCL_DUMP") {
-        let mut text = format!("P5 {SIDE} {SIDE} 255\n").into_bytes();
-        let most = 8.0_f32;
-        text.extend(
-            picture
-                .iter()
-                .map(|x| ((x / most).clamp(0.0, 1.0).powf(0.4545) * 255.0) as u8),
-        );
-        std::fs::write(
-            std::path::Path::new(&folder).join(format!("{name}.pgm")),
-            text,
-        )
-        .unwrap();
-    }
 }

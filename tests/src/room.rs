@@ -112,6 +112,10 @@ impl Room {
     pub fn set(&mut self, components: impl Bundle) {
         let mut camera = self.headless.app.world_mut().entity_mut(self.camera);
         camera.insert(components);
+        // The direct light that is taken from the picture has no shadows.
+        if let Some(mut settings) = camera.get_mut::<VoxelGi>() {
+            settings.shadow_cones = 0;
+        }
     }
 
     /// Draws frames.

@@ -12,6 +12,8 @@ pub struct LightArrays {
     pub lights: Vec<GpuAreaLight>,
     /// Corners relative to their light's centre, xyz; w is 0.
     pub vertices: Vec<Vec4>,
+    /// For each of `lights`, the index of the light that it is or is a cell of.
+    pub sources: Vec<usize>,
 }
 
 /// The part of an image that a layer shows: the smallest rectangle of image coordinates that holds the corners of a
@@ -69,6 +71,7 @@ pub fn build_light_arrays(
                 push_polygon(&mut arrays, gpu, Vec3::ZERO, &light.vertices);
             }
         }
+        arrays.sources.resize(arrays.lights.len(), index);
     }
     arrays
 }

@@ -14,7 +14,7 @@
 //! [`AkariCamera`](akari_render::camera::AkariCamera): no pass, no memory, no pipeline. Otherwise one compute pass over
 //! screen tiles, and one full-screen pass whose cost grows with the lights that reach a tile.
 //!
-//! **Shadows**: from baked visibility, [`shadows`].
+//! **Shadows**: from baked visibility, [`shadows`]; of what is in no bake, from the effect that finds them, [`soft`].
 //!
 //! **Limits**: materials that are drawn forward (transparent ones) keep Bevy's lighting: up to
 //! eight rectangular lights, without images.
@@ -40,6 +40,7 @@ pub mod polygons;
 pub mod prepare;
 pub mod settings;
 pub mod shadows;
+pub mod soft;
 pub mod types;
 
 /// Name of the effect in reports, statistics and on the command line.
@@ -107,6 +108,7 @@ impl Plugin for AreaLightPlugin {
                         .in_set(RenderSystems::PrepareResources),
                     (
                         prepare::prepare_area_light_bind_groups,
+                        soft::prepare_soft_lights,
                         prepare::replace_deferred_lighting,
                     )
                         .in_set(RenderSystems::PrepareBindGroups),

@@ -3,6 +3,7 @@
 use crate::pipeline::{AreaLightPipelines, CULL_LABEL, SHADE_LABEL};
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
 use crate::shadows::prepare::ViewReceivers;
+use crate::soft::{SoftLightsGroup, soft_group};
 use akari_render::capture::{Light, ViewCapture};
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
@@ -66,12 +67,13 @@ pub fn area_light_shade(
         &ViewTarget,
         &ExtractedCamera,
         Option<&ViewReceivers>,
+        Option<&SoftLightsGroup>,
     )>,
     cache: Res<PipelineCache>,
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
 ) {
-    let (lights, ready, view_offset, target, camera, receivers) = view.into_inner();
+    let (lights, ready, view_offset, target, camera, receivers, soft) = view.into_inner();
     let (true, Some(group)) = (ready.0, &lights.shade_group) else {
         return;
     };
@@ -97,6 +99,9 @@ pub fn area_light_shade(
     ) {
         pass.set_bind_group(1, shadows, &[]);
     }
+    if let (true, Some(soft)) = (lights.soft, soft) {
+        pass.set_bind_group(soft_group(lights.shadows) as usize, &soft.0, &[]);
+    }
     pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
     pass.draw_indirect(&lights.draw, 0);
     span.end(&mut pass);
@@ -112,11 +117,12 @@ pub fn area_light_capture(
         &ViewCapture,
         &ExtractedCamera,
         Option<&ViewReceivers>,
+        Option<&SoftLightsGroup>,
     )>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (lights, ready, view_offset, capture, camera, receivers) = view.into_inner();
+    let (lights, ready, view_offset, capture, camera, receivers, soft) = view.into_inner();
     let (true, Some(group), Some(target)) =
         (ready.0, &lights.shade_group, capture.light(Light::Direct))
     else {
@@ -151,6 +157,9 @@ pub fn area_light_capture(
         receivers.and_then(|receivers| receivers.shade_group.as_ref()),
     ) {
         pass.set_bind_group(1, shadows, &[]);
+    }
+    if let (true, Some(soft)) = (lights.soft, soft) {
+        pass.set_bind_group(soft_group(lights.shadows) as usize, &soft.0, &[]);
     }
     pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
     pass.draw_indirect(&lights.draw, 0);

@@ -1,6 +1,7 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
 use crate::shadows::pipeline::shade_shadow_layout;
+use crate::soft::{SoftKey, soft_group, soft_layout};
 use crate::types::{GpuAreaLight, GpuAreaLightView};
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::mesh::VertexBufferLayout;
@@ -189,6 +190,8 @@ pub struct ShadeKey {
     pub shadows: bool,
     /// Whether bodies stand in for moving casters on top of that.
     pub moving_casters: bool,
+    /// Whether there are soft shadows, and which.
+    pub soft: Option<SoftKey>,
     /// Whether the light is added to what the target holds; not so for 32-bit float, which few GPUs can blend.
     pub blend: bool,
 }
@@ -213,6 +216,15 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
             shader_defs.push("SHADOWS".into());
             if key.moving_casters {
                 shader_defs.push("MOVING_CASTERS".into());
+            }
+        }
+        if let Some(soft) = key.soft {
+            layout.push(soft_layout());
+            shader_defs.push("SOFT_SHADOWS".into());
+            let group = soft_group(key.shadows);
+            shader_defs.push(ShaderDefVal::UInt("SOFT_GROUP".into(), group));
+            if key.shadows && soft.by_caster {
+                shader_defs.push("SOFT_BY_CASTER".into());
             }
         }
         RenderPipelineDescriptor {

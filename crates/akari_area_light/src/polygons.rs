@@ -69,11 +69,11 @@ pub fn publish_polygons(
         let mean = known.0.get(&light.entity).and_then(|entry| entry.2)?;
         Some(light.radiance * mean)
     };
-    polygons.lights = extracted
+    let (entities, lights) = extracted
         .lights
         .iter()
         .filter_map(|light| {
-            Some(AreaLightPolygon {
+            let polygon = AreaLightPolygon {
                 radiance: radiance_of(light)?,
                 corners: light
                     .vertices
@@ -82,9 +82,11 @@ pub fn publish_polygons(
                     .collect(),
                 range: light.range,
                 two_sided: light.two_sided,
-            })
+            };
+            Some((light.entity, polygon))
         })
-        .collect();
+        .unzip();
+    (polygons.entities, polygons.lights) = (entities, lights);
 }
 
 /// Mean of an image over a polygon, linear; `None` if its pixels cannot be read. Corners relative to the light's centre,

@@ -9,11 +9,13 @@ use crate::pipeline::{
 };
 use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
 use crate::shadows::prepare::ViewReceivers;
+use crate::soft::SoftKey;
 use crate::types::{
     COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_CORNERS, TILE_SIZE,
 };
 use akari_render::capture::{LIGHT_FORMAT, ViewCapture};
 use akari_render::prelude::*;
+use akari_render::soft_shadows::ViewSoftShadows;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::math::Vec4;
 use bevy::pbr::deferred::{
@@ -77,6 +79,8 @@ pub struct ViewAreaLights {
     textured: bool,
     /// Whether `shade` draws shadows, and needs their bind group.
     pub shadows: bool,
+    /// Whether `shade` draws soft shadows, and needs their bind group.
+    pub soft: bool,
     texture_cells: u32,
 }
 
@@ -140,7 +144,7 @@ pub fn prepare_area_lights(
         Option<&PbrDeferredLightingDepthId>,
         Has<ViewCapture>,
         Has<ViewAreaShadows>,
-        Option<&ViewReceivers>,
+        (Option<&ViewReceivers>, Option<&ViewSoftShadows>),
         Option<&mut ViewAreaLights>,
     )>,
     extracted: Res<ExtractedAreaLights>,
@@ -161,8 +165,8 @@ pub fn prepare_area_lights(
     };
     let images = images.as_deref();
     let versions = (extracted.version, images.map_or(0, |images| images.version));
-    for (entity, view, lighting, pass_id, captured, has_shadows, view_receivers, existing) in views
-    {
+    for (entity, view, lighting, pass_id, captured, has_shadows, others, existing) in views {
+        let (view_receivers, view_soft) = others;
         let settings = &lighting.settings;
         let cells = settings.texture_cells.clamp(1, 8);
         let light_buffers = buffers
@@ -186,12 +190,16 @@ pub fn prepare_area_lights(
         };
         let textured = images.is_some_and(|images| !images.is_empty());
         let moving_casters = has_shadows && receivers.casters.count > 0;
-        let mut specialize = |target_format, shadows, blend| {
+        let soft_key = view_soft.map(|soft| SoftKey {
+            by_caster: soft.by_caster,
+        });
+        let mut specialize = |target_format, shadows, soft, blend| {
             let key = ShadeKey {
                 target_format,
                 textured,
                 shadows,
                 moving_casters: shadows && moving_casters,
+                soft,
                 blend,
             };
             specialized.specialize(&cache, &pipelines, key)
@@ -199,12 +207,16 @@ pub fn prepare_area_lights(
         // Until all that shadows need is compiled and bound, the lights shine without them: a bake that has just arrived
         // darkens nothing but its shadows.
         let shadows = has_shadows && {
-            let shadowed = specialize(view.target_format, true, true);
+            let shadowed = specialize(view.target_format, true, None, true);
             cache.get_render_pipeline(shadowed).is_some()
                 && view_receivers.is_some_and(|receivers| receivers.is_bound(moving_casters))
         };
-        let shade = specialize(view.target_format, shadows, true);
-        let shade_captured = captured.then(|| specialize(LIGHT_FORMAT, shadows, false));
+        let soft = soft_key.filter(|_| {
+            let softened = specialize(view.target_format, shadows, soft_key, true);
+            cache.get_render_pipeline(softened).is_some()
+        });
+        let shade = specialize(view.target_format, shadows, soft, true);
+        let shade_captured = captured.then(|| specialize(LIGHT_FORMAT, shadows, soft, false));
         let uniform = GpuAreaLightView {
             light_count: count,
             words_per_tile: shape.words_per_tile,
@@ -229,6 +241,7 @@ pub fn prepare_area_lights(
             existing.shade_captured = shade_captured;
             existing.textured = textured;
             existing.shadows = shadows;
+            existing.soft = soft.is_some();
             existing.texture_cells = cells;
             continue;
         }
@@ -274,6 +287,7 @@ pub fn prepare_area_lights(
             shade_group: None,
             textured,
             shadows,
+            soft: soft.is_some(),
             texture_cells: cells,
         };
         let held = view_lights.masks.size()
@@ -292,7 +306,9 @@ impl LightBuffers {
     }
 
     fn upload(device: &RenderDevice, versions: (u64, u64), arrays: LightArrays) -> Self {
-        let LightArrays { lights, vertices } = &arrays;
+        let LightArrays {
+            lights, vertices, ..
+        } = &arrays;
         // A binding cannot be empty: without lights one zeroed element stands there, and the count is 0.
         let mut light_bytes = encase::StorageBuffer::new(Vec::new());
         let padded = if lights.is_empty() {

@@ -50,6 +50,27 @@
 @group(0) @binding(11) var image_sampler: sampler;
 #endif
 
+#ifdef SOFT_SHADOWS
+// As `GpuSoftLights` in `soft.rs`: for each byte of the words, the first light that it is of, and how many.
+struct SoftLights {
+    ranges: array<vec4<u32>, 4>,
+}
+
+@group(#{SOFT_GROUP}) @binding(0) var soft_shadows: texture_2d<u32>;
+@group(#{SOFT_GROUP}) @binding(1) var<uniform> soft_lights: SoftLights;
+
+// The part of a light that passes, of the bytes of a word; 1 if none of them is of this light.
+fn soft_shadow(light: u32, word: u32) -> f32 {
+    let passes = unpack4x8unorm(word);
+    for (var k = 0u; k < 4u; k++) {
+        if light - soft_lights.ranges[k].x < soft_lights.ranges[k].y {
+            return passes[k];
+        }
+    }
+    return 1.0;
+}
+#endif
+
 // A two-sided light does not shine on its own plane: relative to its radius, a point closer than this lies on it up
 // to the rounding of its depth.
 const ON_LIGHT_PLANE: f32 = 1e-4;
@@ -198,6 +219,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let by_pieces = surface.perceptual_roughness <= params.pieces_roughness
         || (surface.clearcoat > 0.0 && surface.clearcoat_perceptual_roughness <= params.pieces_roughness);
 #endif
+#ifdef SOFT_SHADOWS
+    let soft = textureLoad(soft_shadows, pixel, 0).xy;
+#endif
     let tile = (vec2<u32>(position.xy) - vec2<u32>(view.viewport.xy)) / TILE_SIZE;
     let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
     var radiance = vec3(0.0);
@@ -222,13 +246,19 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
                     continue;
                 }
                 var passes = 1.0;
-#ifdef MOVING_CASTERS
-                passes = moving_casters_pass(light, seen, position_rel, frame);
+#ifdef SOFT_BY_CASTER
+                passes = soft_shadow(word * LIGHTS_PER_WORD + bit, soft.y);
                 if passes <= 0.0 {
                     continue;
                 }
-                arrives *= passes;
 #endif
+#ifdef MOVING_CASTERS
+                passes *= moving_casters_pass(light, seen, position_rel, frame);
+                if passes <= 0.0 {
+                    continue;
+                }
+#endif
+                arrives *= passes;
                 let in_penumbra = shadow.highest > params.penumbra_threshold
                     && shadow.lowest < 1.0 - params.penumbra_threshold;
                 if by_pieces && in_penumbra {
@@ -238,6 +268,19 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
                         base.albedo * lit.specular, coat_transmission,
                     );
                     radiance += passes * seen.radiance * coat.albedo * lit.coat;
+                    continue;
+                }
+            }
+#endif
+#ifdef SOFT_SHADOWS
+#ifdef SHADOWS
+            let in_no_bake = samples.count == 0u;
+#else
+            let in_no_bake = true;
+#endif
+            if in_no_bake {
+                arrives = soft_shadow(word * LIGHTS_PER_WORD + bit, soft.x);
+                if arrives <= 0.0 {
                     continue;
                 }
             }

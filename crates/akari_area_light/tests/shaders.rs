@@ -37,7 +37,21 @@ fn shade() -> Entry {
         entry_point: "fragment",
         definitions: choices(&[
             &[&[], &["TEXTURED"]],
-            &[&[], &["SHADOWS"], &["SHADOWS", "MOVING_CASTERS"]],
+            &[
+                &[],
+                &["SHADOWS"],
+                &["SHADOWS", "MOVING_CASTERS"],
+                &["SOFT_SHADOWS", "SOFT_GROUP=1"],
+                &["SHADOWS", "SOFT_SHADOWS", "SOFT_GROUP=2"],
+                &["SHADOWS", "SOFT_SHADOWS", "SOFT_BY_CASTER", "SOFT_GROUP=2"],
+                &[
+                    "SHADOWS",
+                    "MOVING_CASTERS",
+                    "SOFT_SHADOWS",
+                    "SOFT_BY_CASTER",
+                    "SOFT_GROUP=2",
+                ],
+            ],
         ]),
     }
 }

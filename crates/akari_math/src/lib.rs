@@ -35,6 +35,7 @@ pub mod form_factor;
 pub mod frame;
 pub mod ggx;
 pub mod light_image;
+pub mod light_points;
 pub mod lobe_packing;
 pub mod lobe_weight;
 pub mod local_regression;
@@ -125,6 +126,10 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
         include_str!("voxel/schedule.wgsl"),
     ),
     ("akari_math::voxel::cone", include_str!("voxel/cone.wgsl")),
+    (
+        "akari_math::voxel::soft_shadow",
+        include_str!("voxel/soft_shadow.wgsl"),
+    ),
     (
         "akari_math::voxel::coverage",
         include_str!("voxel/coverage.wgsl"),

@@ -23,4 +23,6 @@ pub struct AreaLightPolygon {
 pub struct AreaLightPolygons {
     /// The lights.
     pub lights: Vec<AreaLightPolygon>,
+    /// The entity of each, in the main world.
+    pub entities: Vec<Entity>,
 }

@@ -12,6 +12,7 @@
 //! | [`faults`] | counts of pixels that are no numbers, by pass: for debugging |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
 //! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
+//! | [`soft_shadows`] | shadows of area lights that are found in each frame, for the effect that draws the lights |
 //! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
 //!
 //! An effect crate depends on this one and on `akari_math`, and on no other effect.
@@ -32,6 +33,7 @@ pub mod ledger;
 pub mod quality;
 pub mod shaders;
 pub mod signals;
+pub mod soft_shadows;
 pub mod tiles;
 
 /// Everything that an effect uses from here.
@@ -64,6 +66,7 @@ impl Plugin for AkariRenderPlugin {
             .register_type::<quality::Quality>()
             .register_type::<emission::ShinesAsAreaLight>()
             .register_type::<emission::MirrorsLight>()
+            .register_type::<soft_shadows::CastsAreaShadow>()
             .register_type::<guides::NeedsGuides>()
             .register_type::<guides::ExternalGuides>()
             .register_type::<signals::MakesSignals>()

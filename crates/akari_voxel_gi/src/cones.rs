@@ -172,6 +172,7 @@ pub fn extract_views(
                     ViewSignals,
                     AmbientLight,
                 )>();
+            crate::soft_shadows::release_view(&mut commands, view, &ledger);
         }
     }
 }

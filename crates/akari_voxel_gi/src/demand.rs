@@ -37,7 +37,12 @@ pub fn build(app: &mut App) {
     app.add_systems(
         PostUpdate,
         (
-            (count_meshes, count_lights_and_cameras).in_set(AkariSystems::Census),
+            (
+                count_meshes,
+                count_lights_and_cameras,
+                crate::soft_shadows::count_cameras,
+            )
+                .in_set(AkariSystems::Census),
             (record_demand, want_signals)
                 .chain()
                 .in_set(AkariSystems::Demand),

@@ -27,6 +27,8 @@
 //! **Metal**: cones of pixels follow the lobe of rough metal, and of metal whose image of lamps another effect draws
 //! ([`MirrorsLight`](akari_render::emission::MirrorsLight)), by one ray, and one to a lamp.
 //!
+//! **Shadows**: of area lights, where no bake has them, by cones from pixels: [`soft_shadows`].
+//!
 //! **Limits**: other metal bounces diffusely in voxels, so that it throws no caustics; so does all metal for cones of voxels. Without
 //! [`VoxelGi::feedback`](settings::VoxelGi::feedback) the sky lights pixels, but bounces off nothing. Beyond the last cascade
 //! nothing shades the sky. What is drawn forward has the environment map unshaded, and no ambient light.
@@ -60,6 +62,7 @@ pub mod prepare;
 pub mod scene;
 pub mod settings;
 pub mod sky;
+pub mod soft_shadows;
 pub mod surfaces;
 pub mod types;
 pub mod upload;
@@ -96,6 +99,7 @@ impl Plugin for VoxelGiPlugin {
         }
         load_shader_library!(app, "types.wgsl");
         load_shader_library!(app, "store.wgsl");
+        load_shader_library!(app, "casters.wgsl");
         load_shader_library!(app, "trace.wgsl");
         load_shader_library!(app, "mirrors.wgsl");
         load_shader_library!(app, "sky.wgsl");
@@ -105,6 +109,7 @@ impl Plugin for VoxelGiPlugin {
         embedded_asset!(app, "inject.wgsl");
         embedded_asset!(app, "gather.wgsl");
         embedded_asset!(app, "cones.wgsl");
+        embedded_asset!(app, "soft_shadows.wgsl");
         embedded_asset!(app, "debug.wgsl");
         embedded_asset!(app, "release.wgsl");
         embedded_asset!(app, "voxelize.wgsl");
@@ -132,6 +137,8 @@ impl Plugin for VoxelGiPlugin {
             .init_resource::<lights::VoxelLights>()
             .init_resource::<sky::VoxelInteriors>()
             .init_resource::<cones::ConePipelines>()
+            .init_resource::<soft_shadows::CastElsewhere>()
+            .init_resource::<soft_shadows::SoftPipelines>()
             .init_resource::<debug::DebugPipelines>()
             .add_systems(
                 ExtractSchedule,
@@ -140,6 +147,7 @@ impl Plugin for VoxelGiPlugin {
                     lights::extract_lights,
                     sky::extract_interiors,
                     cones::extract_views,
+                    soft_shadows::extract_casters,
                     debug::extract_debug_views,
                 )
                     .in_set(EffectSystems(EFFECT)),
@@ -153,6 +161,7 @@ impl Plugin for VoxelGiPlugin {
                     (
                         (prepare::release_voxels, prepare::prepare_voxel_buffers).chain(),
                         bevy_sky::reserve_no_probes,
+                        soft_shadows::prepare_targets,
                     )
                         .in_set(RenderSystems::Prepare),
                     (prepare::prepare_voxel_work, cones::prepare_signals)
@@ -164,6 +173,7 @@ impl Plugin for VoxelGiPlugin {
                     )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),
+                    soft_shadows::prepare_soft_shadows.in_set(RenderSystems::PrepareBindGroups),
                     bevy_sky::write_no_probes.in_set(RenderSystems::PrepareBindGroups),
                     demand::collect_counters.in_set(RenderSystems::Cleanup),
                 )
@@ -190,6 +200,9 @@ impl Plugin for VoxelGiPlugin {
                         .after(deferred_lighting)
                         .after(screen_space_reflections)
                         .before(main_opaque_pass_3d),
+                    soft_shadows::trace_soft_shadows
+                        .after(AkariPassSystems::Lobes)
+                        .before(AkariPassSystems::Direct),
                     cones::trace_cones.in_set(AkariPassSystems::Signals),
                     // Over all that was added to the picture, under what is drawn forward.
                     debug::draw_debug_view

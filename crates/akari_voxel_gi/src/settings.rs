@@ -52,6 +52,9 @@ pub struct VoxelGi {
     pub pages_per_frame: u32,
     /// Rays from each voxel to each area light, 1 to 64.
     pub light_rays: u32,
+    /// Cones from each pixel to each area light, for the shadows of what is in no bake: 0, 1, 4, 9 or 16 (others count as the
+    /// next smaller one). 0 throws none. Of the four lights that send the most to the camera, see [`crate::soft_shadows`].
+    pub shadow_cones: u32,
     /// March plain isotropic cones, as voxel cone tracing is commonly done: one opacity for all directions, one colour for
     /// all faces. They leak; here for comparison.
     pub plain_cones: bool,
@@ -231,6 +234,15 @@ impl Knobs for VoxelGi {
             cost: "time of the injection, in proportion",
         },
         Knob {
+            name: "shadow_cones",
+            what: "cones from each pixel to each area light, for shadows of what is in no bake: 0, 1, 4, 9, 16",
+            min: 0.0,
+            max: 16.0,
+            integer: true,
+            presets: [0.0, 4.0, 4.0, 9.0],
+            cost: "time of the pass, in proportion to cones and lights; 0: no pass, no memory",
+        },
+        Knob {
             name: "plain_cones",
             what: "1: isotropic cones as commonly done, for comparison: they leak; 0: ours",
             min: 0.0,
@@ -256,6 +268,7 @@ impl Knobs for VoxelGi {
         pages_per_frame,
         light_rays,
         aperture,
+        shadow_cones,
         plain_cones
     );
 }
@@ -282,6 +295,7 @@ mod tests {
             "pages_per_frame",
             "light_rays",
             "aperture",
+            "shadow_cones",
             "plain_cones",
         ];
         assert_eq!(knob_faults::<VoxelGi>(&fields), [""; 0]);

@@ -10,7 +10,7 @@
 // from its aperture.
 //
 // Definitions: VOXEL_GROUP, the bind group of the voxels; TRACE_RADIANCE, to read radiance; MIRRORS, with the latter, to
-// leave what metal sends to whoever follows the mirrored ray; PLAIN_CONES, to march isotropic cones as commonly done, for
+// leave what metal sends to whoever follows the mirrored ray; CASTERS, to tell what some of the casters let through; PLAIN_CONES, to march isotropic cones as commonly done, for
 // comparison.
 
 #import akari_math::random::{random_hash, random_unit}
@@ -23,6 +23,9 @@
     VoxelSurface, coverage_of_face, voxel_radiance_unpack, voxel_surface_unpack,
 }
 #import akari_math::voxel::slice::{plane_slice_share, slice_fullness}
+#ifdef CASTERS
+#import akari_voxel_gi::casters::in_caster
+#endif
 #import akari_voxel_gi::types::{BRICK_PENDING, VoxelClipmap, slot_of_brick}
 
 @group(#{VOXEL_GROUP}) @binding(0) var<uniform> voxel_clipmap: VoxelClipmap;
@@ -108,6 +111,10 @@ struct VoxelTrace {
     transmittance: f32,
     // Mean distance of what was met, metres; 0 if nothing was.
     distance: f32,
+#ifdef CASTERS
+    // What passes those in the boxes of `casters.wgsl`.
+    passes_casters: f32,
+#endif
 #ifdef MIRRORS
     metal: VoxelMetal,
 #endif
@@ -298,6 +305,9 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
 fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
     var result: VoxelTrace;
     result.transmittance = 1.0;
+#ifdef CASTERS
+    result.passes_casters = 1.0;
+#endif
 #ifdef MIRRORS
     result.metal = no_metal();
 #endif
@@ -375,10 +385,25 @@ fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
 #endif
                 distances += result.transmittance * (1.0 - crossing.transmittance) * met;
                 result.transmittance *= crossing.transmittance;
+#ifdef CASTERS
+                // What was met may stick out of its box by the thickness of what a voxel holds.
+                if crossing.transmittance < 1.0 && in_caster(relative + size * crossing.at * ray.direction, 0.5 * size) {
+                    result.passes_casters *= crossing.transmittance;
+                }
+                if result.passes_casters < MIN_TRANSMITTANCE {
+                    result.passes_casters = 0.0;
+                    result.transmittance = 0.0;
+                    break;
+                }
+                if result.transmittance < MIN_TRANSMITTANCE {
+                    result.transmittance = 0.0;
+                }
+#else
                 if result.transmittance < MIN_TRANSMITTANCE {
                     result.transmittance = 0.0;
                     break;
                 }
+#endif
             }
         }
         t += size * span;

@@ -5,6 +5,7 @@ use akari_gpu_test::{layout_fault, u32_constants};
 use akari_voxel_gi::cones::GpuCones;
 use akari_voxel_gi::lights::GpuVoxelLighting;
 use akari_voxel_gi::sky::{GpuVoxelInterior, GpuVoxelSurroundings, MOST_INTERIORS};
+use akari_voxel_gi::soft_shadows::{GpuCasters, GpuSoftLight, GpuSoftShadows, MOST_BOXES};
 use akari_voxel_gi::types::*;
 use bevy::math::{IVec3, UVec2, Vec3};
 use bevy::render::render_resource::ShaderType;
@@ -16,12 +17,15 @@ mod shader_composer;
 use shader_composer::{Composer, Entry, choices, list_faults};
 
 const TYPES: &str = include_str!("../src/types.wgsl");
+const CASTERS: &str = include_str!("../src/casters.wgsl");
+const SOFT: &str = include_str!("../src/soft_shadows.wgsl");
 const SKY: &str = include_str!("../src/sky.wgsl");
 
 /// Modules of this crate that the entry shaders import.
 const LIBRARIES: &[(&str, &str)] = &[
     ("types.wgsl", TYPES),
     ("store.wgsl", include_str!("../src/store.wgsl")),
+    ("casters.wgsl", CASTERS),
     ("trace.wgsl", include_str!("../src/trace.wgsl")),
     ("mirrors.wgsl", include_str!("../src/mirrors.wgsl")),
     ("sky.wgsl", SKY),
@@ -114,6 +118,21 @@ fn cones() -> Entry {
     }
 }
 
+fn soft_shadows(definition: &'static str, entry_point: &'static str) -> Entry {
+    Entry {
+        file: "soft_shadows.wgsl",
+        source: SOFT,
+        entry_point,
+        definitions: choices(&[
+            LIT_GROUP,
+            &[&[definition]],
+            &[&[], &["CASTERS"]],
+            &[&[], &["EXTERNAL_GUIDES"]],
+            &[&[], &["PLAIN_CONES"]],
+        ]),
+    }
+}
+
 fn debug(view: &'static str) -> Entry {
     Entry {
         file: "debug.wgsl",
@@ -140,9 +159,11 @@ fn release(definition: &'static str, entry_point: &'static str) -> Entry {
     }
 }
 
-fn entries() -> [Entry; 13] {
+fn entries() -> [Entry; 15] {
     [
         cones(),
+        soft_shadows("TRACE", "trace"),
+        soft_shadows("SMOOTH", "smoothen"),
         inject(),
         gather(),
         voxelize(),
@@ -551,4 +572,61 @@ fn another_layout_is_noticed() {
     let mut marks = fields;
     marks[4].1 = 6;
     assert!(fault(TYPES, "VoxelLevel", &level, &marks).is_some());
+}
+
+#[test]
+fn the_uniforms_of_soft_shadows_have_one_layout() {
+    let light = GpuSoftLight {
+        normal: x(1.0),
+        two_sided: 2,
+        cone_area: 3.0,
+        pad_a: 4,
+        pad_b: 5,
+        pad_c: 6,
+    };
+    let fields = [
+        ("normal", bits(1.0)),
+        ("two_sided", 2),
+        ("cone_area", bits(3.0)),
+        ("pad_a", 4),
+        ("pad_b", 5),
+        ("pad_c", 6),
+    ];
+    let of_light = struct_of(SOFT, "SoftLight");
+    assert_eq!(fault(&of_light, "SoftLight", &light, &fields), None);
+    let shadows = GpuSoftShadows {
+        eye: x(7.0),
+        parts: 8,
+        light_count: 9,
+        pad_a: 10,
+        pad_b: 11,
+        pad_c: 12,
+        lights: [light; 4],
+    };
+    let fields = [
+        ("eye", bits(7.0)),
+        ("parts", 8),
+        ("light_count", 9),
+        ("pad_a", 10),
+        ("pad_b", 11),
+        ("pad_c", 12),
+        ("lights", bits(1.0)),
+    ];
+    let source = of_light + "\n" + &struct_of(SOFT, "SoftShadows");
+    assert_eq!(fault(&source, "SoftShadows", &shadows, &fields), None);
+    let swapped = source.replacen(
+        "    parts: u32,\n    light_count: u32,",
+        "    light_count: u32,\n    parts: u32,",
+        1,
+    );
+    assert_ne!(swapped, source);
+    assert!(fault(&swapped, "SoftShadows", &shadows, &fields).is_some());
+    let casters = GpuCasters {
+        corners: [x(13.0).extend(0.0); 2 * MOST_BOXES],
+        count: 14,
+    };
+    let fields = [("corners", bits(13.0)), ("count", 14)];
+    let source = struct_of(CASTERS, "Casters");
+    assert_eq!(fault(&source, "Casters", &casters, &fields), None);
+    assert!(CASTERS.contains(&format!("const MOST_BOXES: u32 = {MOST_BOXES}u;")));
 }

@@ -22,6 +22,15 @@ const OF_SHADOWS: [&str; 2] = [
     "akari_area_light_shadow_ratios",
 ];
 
+/// Passes of voxel GI that are there for shadows of area lights alone.
+const OF_SOFT_SHADOWS: &str = "akari_voxel_gi_soft_shadows";
+
+/// Whether something that no bake knows stands in the light of an area light that voxels may shadow.
+fn has_soft_shadows(causes: &[Cause]) -> bool {
+    let has = |cause| causes.contains(&cause);
+    has(AreaLight) && has(Voxels) && (!has(Bake) || has(Body))
+}
+
 fn effect_of(label: &str) -> Option<&'static str> {
     if OF_SHADOWS.contains(&label) {
         return Some("shadows");
@@ -46,6 +55,7 @@ enum Cause {
     Voxels,
     Capture,
     Reflectors,
+    Body,
 }
 use Cause::*;
 
@@ -82,6 +92,15 @@ const TABLE: &[(&[Cause], &[&str])] = &[
         &[AreaLight, Bake, Voxels],
         &["area-lights", "denoise", "lobes", "shadows", "voxel-gi"],
     ),
+    (
+        &[AreaLight, Bake, Voxels, Body],
+        &["area-lights", "denoise", "lobes", "shadows", "voxel-gi"],
+    ),
+    (
+        &[AreaLight, Voxels],
+        &["area-lights", "denoise", "lobes", "voxel-gi"],
+    ),
+    (&[Body, Bake], &[]),
     (&[], &[]),
 ];
 
@@ -129,12 +148,26 @@ fn cause(stage: &mut Stage, cause: Cause) -> Box<dyn FnOnce(&mut Stage)> {
                 resolution: 32,
                 cascades: 1,
                 voxel_size: 0.25,
+                shadow_cones: 4,
                 ..default()
             });
             Box::new(move |stage| {
                 let world = stage.headless.app.world_mut();
                 world.entity_mut(camera).remove::<VoxelGi>();
             })
+        }
+        Body => {
+            let world = stage.headless.app.world_mut();
+            let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::default());
+            let material = world
+                .resource_mut::<Assets<StandardMaterial>>()
+                .add(StandardMaterial::default());
+            let place = Transform::from_xyz(1.5, 1.0, 0.0).with_scale(Vec3::splat(0.5));
+            despawn(
+                world
+                    .spawn((Mesh3d(mesh), MeshMaterial3d(material), place))
+                    .id(),
+            )
         }
         Reflectors => {
             let bodies = stage.meshes.clone();
@@ -221,6 +254,15 @@ fn every_effect_is_there_for_its_causes_only() {
             .iter()
             .filter_map(|label| effect_of(label))
             .collect();
+        let soft = passes
+            .keys()
+            .filter(|label| label.starts_with(OF_SOFT_SHADOWS));
+        let expected_soft = if has_soft_shadows(causes) { 2 } else { 0 };
+        if soft.count() != expected_soft {
+            faults.push(format!(
+                "{causes:?}: soft shadows are not as the causes call for"
+            ));
+        }
         for (effect, _) in EFFECTS {
             let is_expected = expected.contains(&effect);
             let of_effect: Vec<String> = passes

@@ -15,6 +15,7 @@ mod interreflection;
 mod lights;
 mod overlay;
 mod shadows;
+mod soft_shadows;
 mod stability;
 mod tiles;
 mod voxels;

@@ -8,6 +8,7 @@ use super::settings::{AreaShadows, DefaultAreaShadows};
 use super::tables::ShadowTables;
 use crate::extract::{ExtractedAreaLights, ViewAreaLighting};
 use akari_render::prelude::*;
+use akari_render::soft_shadows::SOFT_SHADOW_CAMERAS;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
@@ -145,9 +146,14 @@ pub fn warn_of_missing_bake(
     if *warned || !report.is_active(crate::EFFECT) || !census.is_changed() {
         return;
     }
+    // Or others find them.
+    if census.count(SOFT_SHADOW_CAMERAS) > 0 {
+        return;
+    }
     if wanted.is_empty() && loaded.is_empty() && census.count(SHADOWED_CAMERAS) > 0 {
         warn!(
-            "area lights throw no shadows: no entity has BakedVisibility. `akari bake SCENE.glb --out SCENE.akari` makes one"
+            "area lights throw no shadows: no entity has BakedVisibility. `akari bake SCENE.glb --out SCENE.akari` makes one. \
+             VoxelGi on a camera throws soft ones without"
         );
         *warned = true;
     }

@@ -40,6 +40,11 @@ impl BakedReceivers {
     pub fn is_receiver(&self, entity: Entity) -> bool {
         self.entities.contains(&entity)
     }
+
+    /// All entities whose meshes were found.
+    pub fn entities(&self) -> impl Iterator<Item = Entity> + '_ {
+        self.entities.iter().copied()
+    }
 }
 
 /// What is known of a mesh.

@@ -35,7 +35,7 @@
 //! memory, no pipeline.
 //!
 //! **What moves** receives no baked shadows; it throws those of a box or an ellipsoid with a
-//! [`ShadowProxy`](moving::ShadowProxy).
+//! [`ShadowProxy`](moving::ShadowProxy), or those that another effect finds ([`crate::soft`]).
 //!
 //! **Limits**: visibility is told by direction, so what stands behind a light hides it too, unless it encloses the
 //! scene or the bake's `--max-distance` leaves it out. A triangle that was not found in the world where it
@@ -93,6 +93,7 @@ pub(crate) fn build(app: &mut App) {
                     .in_set(AkariSystems::Census),
                 (
                     extract::record_demand,
+                    crate::soft::mark_casters,
                     extract::warn_of_missing_bake,
                     moving::warn_of_meshes_without_shadow,
                 )

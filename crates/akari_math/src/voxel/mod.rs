@@ -11,3 +11,4 @@ pub mod mirror;
 pub mod packing;
 pub mod schedule;
 pub mod slice;
+pub mod soft_shadow;

@@ -24,6 +24,7 @@ mod sg_polygon_terms;
 mod sg_polygons;
 mod shadows;
 mod signals;
+mod soft_shadow;
 mod special;
 mod voxel;
 mod voxel_coverage;
@@ -58,6 +59,7 @@ fn table() -> Vec<Case> {
     cases.extend(filters::cases());
     cases.extend(shadows::cases());
     cases.extend(voxel::cases());
+    cases.extend(soft_shadow::cases());
     cases.extend(voxel_coverage::cases());
     cases
 }

@@ -170,8 +170,10 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
             "voxel_size",
             // All is matte in its scene.
             "specular_cones",
+            // Indirect light has none.
+            "shadow_cones",
         ],
-        ("voxel_gi", false) => &["pages", "bricks_per_frame"],
+        ("voxel_gi", false) => &["pages", "bricks_per_frame", "shadow_cones"],
         // Only a limit.
         ("interreflection", true) => &["most_patches"],
         // The denoiser is given every pixel: nothing is upsampled.

@@ -310,7 +310,11 @@ impl Stage {
                 let world = headless.app.world_mut();
                 variant.settings.apply(world);
                 if *effect == "voxel_gi" {
-                    world.entity_mut(*view).insert(variant.settings.voxel_gi);
+                    // The direct light that is taken from the picture has no shadows.
+                    world.entity_mut(*view).insert(VoxelGi {
+                        shadow_cones: 0,
+                        ..variant.settings.voxel_gi
+                    });
                     settling = VOXEL_FRAMES;
                 }
                 headless.step_until_ready()?;

@@ -117,7 +117,8 @@ fn measure(
 ) -> (Measured, String) {
     let frames = FRAMES.to_string();
     let mut arguments = vec!["--effects", "area-lights,voxel-gi", "--frames", &frames];
-    arguments.push("--quiet");
+    // The direct light that is taken from the picture has no shadows.
+    arguments.extend(["--quiet", "--set", "voxel_gi.shadow_cones=0"]);
     arguments.extend(settings.iter().map(String::as_str));
     let (image, stats) = render_with_cli(&scene_path(SCENE), SIDE, &arguments);
     let light = difference(&image, direct);

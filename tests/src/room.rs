@@ -55,7 +55,7 @@ impl Room {
         let mut headless = headless_or_skip(test)?;
         let mut scene = Scene::load(&scene_path(name)).expect("a scene of the repository");
         change(&mut scene);
-        spawn(headless.app.world_mut(), &scene);
+        spawn_scene(headless.app.world_mut(), &scene);
         let camera = &scene.cameras[0];
         let SceneProjection::Perspective { yfov, znear, .. } = camera.projection else {
             panic!("{name}: no perspective camera");
@@ -169,8 +169,8 @@ pub fn bias_and_error(light: &Light, truth: &Light, chosen: impl Fn(usize) -> bo
     (sum / true_sum - 1.0, (error / power).sqrt())
 }
 
-/// Meshes and materials of a scene, its emissive panels among them; no textures.
-fn spawn(world: &mut World, scene: &Scene) {
+/// Spawns meshes and materials of a scene, its emissive panels among them; no textures.
+pub fn spawn_scene(world: &mut World, scene: &Scene) {
     for instance in &scene.instances {
         let (scale, rotation, translation) =
             instance.world_from_local.to_scale_rotation_translation();

@@ -4,8 +4,8 @@
 #import bevy_render::view::View
 #import akari_math::area_light::{dielectric_f0_from_reflectance, dielectric_f90_from_f0}
 #import akari_math::tile_bounds::{
-    box_behind_plane, box_distance_squared, box_plane_distance, contribution_bound, form_factor_bound,
-    solid_angle_bound, sphere_touches_box,
+    box_behind_plane, box_distance_squared, box_plane_distance, contribution_bound, CUTOFF_CLASSES, cutoff_class,
+    cutoff_class_edge, form_factor_bound, solid_angle_bound, sphere_touches_box,
 }
 #import akari_render::gbuffer::{position_in_view, rotate_to_view, unpack_surface}
 #import akari_area_light::types::{
@@ -35,6 +35,9 @@ var<workgroup> high: array<vec3<f32>, CULL_WORKGROUP>;
 var<workgroup> alpha: array<f32, CULL_WORKGROUP>;
 // All words of the tile's mask, one over the other.
 var<workgroup> any_light: atomic<u32>;
+// Lights of each class below the cutoff, and the first class that the tile drops.
+var<workgroup> classes: array<atomic<u32>, CUTOFF_CLASSES>;
+var<workgroup> first_dropped: u32;
 
 const KEPT: u32 = 0u;
 const OUT_OF_RANGE: u32 = 1u;
@@ -42,27 +45,33 @@ const TURNED_AWAY: u32 = 2u;
 const BELOW_CUTOFF: u32 = 3u;
 const ON_OTHER_LAYERS: u32 = 4u;
 
-fn verdict(light: AreaLight, box_min: vec3<f32>, box_max: vec3<f32>, alpha_min: f32) -> u32 {
+struct Verdict {
+    verdict: u32,
+    // How little a light that is kept may bring, as a class below the cutoff.
+    below: u32,
+}
+
+fn judge(light: AreaLight, box_min: vec3<f32>, box_max: vec3<f32>, alpha_min: f32) -> Verdict {
     if (light.render_layers & area_view.render_layers) == 0u {
-        return ON_OTHER_LAYERS;
+        return Verdict(ON_OTHER_LAYERS, CUTOFF_CLASSES);
     }
     if area_view.culling == 0u {
-        return KEPT;
+        return Verdict(KEPT, CUTOFF_CLASSES);
     }
     let center = rotate_to_view(view, light.center_ws - view.world_position);
     if light.inverse_range_squared > 0.0 {
         let range_center = rotate_to_view(view, light.range_center_ws - view.world_position);
         if sphere_touches_box(range_center, inverseSqrt(light.inverse_range_squared), box_min, box_max) == 0u {
-            return OUT_OF_RANGE;
+            return Verdict(OUT_OF_RANGE, CUTOFF_CLASSES);
         }
     }
     let normal = rotate_to_view(view, light.normal_ws);
     let plane = vec4(normal, -dot(normal, center));
     let two_sided = (light.flags & FLAG_TWO_SIDED) != 0u;
     if !two_sided && box_behind_plane(box_min, box_max, plane) != 0u {
-        return TURNED_AWAY;
+        return Verdict(TURNED_AWAY, CUTOFF_CLASSES);
     }
-    if light.inverse_range_squared == 0.0 && area_view.cutoff_per_light > 0.0 {
+    if light.inverse_range_squared == 0.0 && area_view.cutoff > 0.0 {
         var height = box_plane_distance(box_min, box_max, plane);
         if two_sided {
             height = max(height, box_plane_distance(box_min, box_max, -plane));
@@ -74,11 +83,22 @@ fn verdict(light: AreaLight, box_min: vec3<f32>, box_max: vec3<f32>, alpha_min: 
         if alpha_min < NO_ALPHA {
             bound = contribution_bound(radiance, solid_angle, alpha_min);
         }
-        if bound < area_view.cutoff_per_light {
-            return BELOW_CUTOFF;
+        return Verdict(KEPT, cutoff_class(bound / area_view.cutoff));
+    }
+    return Verdict(KEPT, CUTOFF_CLASSES);
+}
+
+// The first class of which all lights may go, and all of those below: what they may bring together is within the cutoff.
+fn class_to_drop() -> u32 {
+    var lost = 0.0;
+    for (var dropped = CUTOFF_CLASSES; dropped > 0u; dropped--) {
+        let class_ = dropped - 1u;
+        lost += f32(atomicLoad(&classes[class_])) * cutoff_class_edge(class_);
+        if lost > 1.0 {
+            return dropped;
         }
     }
-    return KEPT;
+    return 0u;
 }
 
 @compute @workgroup_size(CULL_WORKGROUP, 1, 1)
@@ -117,6 +137,10 @@ fn cull(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index)
     // Bevy asks for workgroup memory as it is found.
     if invocation == 0u {
         atomicStore(&any_light, 0u);
+        first_dropped = CUTOFF_CLASSES;
+    }
+    for (var class_ = invocation; class_ < CUTOFF_CLASSES; class_ += CULL_WORKGROUP) {
+        atomicStore(&classes[class_], 0u);
     }
     for (var stride = CULL_WORKGROUP / 2u; stride > 0u; stride /= 2u) {
         workgroupBarrier();
@@ -132,28 +156,48 @@ fn cull(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index)
     alpha_min = alpha[0];
     let empty = box_min.x > box_max.x;
 
-    // Each invocation writes whole words of the mask, so that no two of them touch the same one.
+    // First the lights of each class are counted, then those that are left are written. Each invocation writes whole words of
+    // the mask, so that no two of them touch the same one. One place judges, since compilers copy it to each.
     var counts = vec4(0u);
     let first_word = (tile.y * area_view.tiles_x + tile.x) * area_view.words_per_tile;
-    for (var word = invocation; word < area_view.words_per_tile; word += CULL_WORKGROUP) {
-        var mask = 0u;
-        if !empty {
-            let first = word * LIGHTS_PER_WORD;
-            let count = min(area_view.light_count - min(first, area_view.light_count), LIGHTS_PER_WORD);
-            for (var bit = 0u; bit < count; bit++) {
-                let result = verdict(lights[first + bit], box_min, box_max, alpha_min);
-                if result == KEPT {
-                    mask |= 1u << bit;
+    let has_cutoff = area_view.cutoff > 0.0 && area_view.culling != 0u;
+    for (var writes = select(1u, 0u, has_cutoff); writes < 2u; writes++) {
+        for (var word = invocation; word < area_view.words_per_tile; word += CULL_WORKGROUP) {
+            var mask = 0u;
+            if !empty {
+                let first = word * LIGHTS_PER_WORD;
+                let count = min(area_view.light_count - min(first, area_view.light_count), LIGHTS_PER_WORD);
+                for (var bit = 0u; bit < count; bit++) {
+                    let judged = judge(lights[first + bit], box_min, box_max, alpha_min);
+                    if writes == 0u {
+                        if judged.below < CUTOFF_CLASSES {
+                            atomicAdd(&classes[judged.below], 1u);
+                        }
+                        continue;
+                    }
+                    var result = judged.verdict;
+                    if judged.below < CUTOFF_CLASSES && judged.below >= first_dropped {
+                        result = BELOW_CUTOFF;
+                    }
+                    if result == KEPT {
+                        mask |= 1u << bit;
+                    }
+                    counts += select(vec4(0u), vec4(1u), vec4(result) == vec4(KEPT, OUT_OF_RANGE, TURNED_AWAY, BELOW_CUTOFF));
                 }
-                counts += select(vec4(0u), vec4(1u), vec4(result) == vec4(KEPT, OUT_OF_RANGE, TURNED_AWAY, BELOW_CUTOFF));
+            }
+            if writes == 1u {
+                masks[first_word + word] = mask;
+                if mask != 0u {
+                    atomicOr(&any_light, mask);
+                }
             }
         }
-        masks[first_word + word] = mask;
-        if mask != 0u {
-            atomicOr(&any_light, mask);
+        workgroupBarrier();
+        if writes == 0u && invocation == 0u {
+            first_dropped = class_to_drop();
         }
+        workgroupBarrier();
     }
-    workgroupBarrier();
     if invocation == 0u && atomicLoad(&any_light) != 0u {
         lit_tiles[atomicAdd(&draw.instance_count, 1u)] = tile.x | (tile.y << TILE_COORDINATE_BITS);
         atomicAdd(&counters[COUNTER_LIT], 1u);

@@ -222,8 +222,7 @@ pub fn prepare_area_lights(
             words_per_tile: shape.words_per_tile,
             tiles_x: tiles.x,
             tiles_y: tiles.y,
-            // So that all dropped lights together stay below the cutoff.
-            cutoff_per_light: settings.contribution_cutoff.max(0.0) / count.max(1) as f32,
+            cutoff: settings.contribution_cutoff.max(0.0),
             render_layers: lighting.render_layers,
             lighting_pass_id: pass_id.map_or(
                 u32::from(bevy::pbr::deferred::DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID),

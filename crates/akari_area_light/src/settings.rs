@@ -17,9 +17,9 @@ pub struct AreaLighting {
     /// Light that may be lost in a tile, as a bound on its summed radiance times the camera's exposure; 0 keeps every
     /// light everywhere. Range 0 to 1.
     ///
-    /// Lights without a range reach everywhere. A tile drops those whose upper bound (see
-    /// `akari_math::tile_bounds`) is below this value divided by the number of lights, so that whatever the
-    /// scene, no pixel loses more than this. A light with a range is never dropped within it.
+    /// Lights without a range reach everywhere. A tile drops the dimmest of them, as many as may together bring this at
+    /// most (`akari_math::tile_bounds`), so that whatever the scene, no pixel loses more. A light with a range is never
+    /// dropped within it.
     pub contribution_cutoff: f32,
     /// Cells per side into which the image of a textured light is cut, each lit by itself. 1 to 8.
     ///
@@ -49,8 +49,8 @@ impl Knobs for AreaLighting {
             min: 0.0,
             max: 1.0,
             integer: false,
-            presets: [1.0 / 256.0, 1.0 / 1024.0, 1.0 / 4096.0, 0.0],
-            cost: "a larger value drops more lights from a tile and is faster",
+            presets: [1.0 / 4.0, 1.0 / 16.0, 1.0 / 64.0, 0.0],
+            cost: "1,024 lights: 1/16 takes two thirds of the time of 0, 1/4 half of it",
         },
         Knob {
             name: "texture_cells",

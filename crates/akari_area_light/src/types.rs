@@ -64,8 +64,8 @@ pub struct GpuAreaLightView {
     pub tiles_x: u32,
     /// Tiles in a column of the screen.
     pub tiles_y: u32,
-    /// Pre-exposed radiance under which one light may be dropped from a tile.
-    pub cutoff_per_light: f32,
+    /// Pre-exposed radiance that a pixel may lose to lights that its tile drops.
+    pub cutoff: f32,
     /// Render layers 0 to 31 that the camera sees, as bits.
     pub render_layers: u32,
     /// Lighting pass id of Bevy's standard deferred materials.

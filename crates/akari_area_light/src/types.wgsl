@@ -33,7 +33,7 @@ struct AreaLightView {
     words_per_tile: u32,
     tiles_x: u32,
     tiles_y: u32,
-    cutoff_per_light: f32,
+    cutoff: f32,
     render_layers: u32,
     lighting_pass_id: u32,
     culling: u32,

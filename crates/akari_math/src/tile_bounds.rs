@@ -20,10 +20,13 @@
 use crate::special::TINY;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-/// A light whose bounded contribution, in exposed radiance (1 is display white), is below this may be dropped: it is
-/// less than one step of 8-bit sRGB in the darks, 1/(255 · 12.92).
-pub const CONTRIBUTION_CUTOFF: f32 = 1.0 / 4096.0;
+/// Classes of the bounds below a cutoff, two to an octave: by how many lights are in each, a tile knows how much it may
+/// drop.
+pub const CUTOFF_CLASSES: u32 = 64;
 
+/// A float from 1 on has at least this many half octaves: its exponent and the first bit of its mantissa.
+const HALF_OCTAVES_OF_ONE: u32 = 254;
+const HALF_OCTAVE_BITS: u32 = 22;
 const INV_PI: f32 = 0.318_309_89;
 /// Relative slack for the rounding of the tests.
 const SLACK: f32 = 1e-5;
@@ -90,8 +93,29 @@ pub fn lobe_bound(solid_angle_over_pi: f32, alpha: f32) -> f32 {
 }
 
 /// Upper bound of the radiance that a light of `radiance` adds to any surface whose alpha is at least `alpha`.
-/// To be held against [`CONTRIBUTION_CUTOFF`] once exposed.
+/// To be held against a cutoff once exposed ([`cutoff_class`]).
 #[must_use]
 pub fn contribution_bound(radiance: f32, solid_angle_over_pi: f32, alpha: f32) -> f32 {
     radiance * (form_factor_bound(solid_angle_over_pi) + lobe_bound(solid_angle_over_pi, alpha))
+}
+
+/// The class of a bound over its cutoff, the largest first; [`CUTOFF_CLASSES`] where it is not below the cutoff.
+///
+/// A tile counts its lights by class, and drops all classes from the first on below which the
+/// [edges](cutoff_class_edge) of what is dropped add up to at most 1: what is lost stays below the cutoff, however many
+/// lights there are, and a thousand dim ones may go where the sum of a few would not.
+#[must_use]
+pub fn cutoff_class(share: f32) -> u32 {
+    let steps = share.max(0.0).to_bits() >> HALF_OCTAVE_BITS;
+    if steps >= HALF_OCTAVES_OF_ONE {
+        return CUTOFF_CLASSES;
+    }
+    (HALF_OCTAVES_OF_ONE - 1 - steps).min(CUTOFF_CLASSES - 1)
+}
+
+/// No bound of a class is larger than this share of the cutoff.
+#[must_use]
+pub fn cutoff_class_edge(class: u32) -> f32 {
+    f32::from_bits((HALF_OCTAVES_OF_ONE - class.min(CUTOFF_CLASSES)) << HALF_OCTAVE_BITS)
+        * (1.0 + SLACK)
 }

@@ -66,3 +66,23 @@ fn lobe_bound(solid_angle_over_pi: f32, alpha: f32) -> f32 {
 fn contribution_bound(radiance: f32, solid_angle_over_pi: f32, alpha: f32) -> f32 {
     return radiance * (form_factor_bound(solid_angle_over_pi) + lobe_bound(solid_angle_over_pi, alpha));
 }
+
+// Classes of the bounds below a cutoff, two to an octave: by how many lights are in each, a tile knows how much it may drop.
+const CUTOFF_CLASSES: u32 = 64u;
+// A float from 1 on has at least this many half octaves: its exponent and the first bit of its mantissa.
+const HALF_OCTAVES_OF_ONE: u32 = 254u;
+const HALF_OCTAVE_BITS: u32 = 22u;
+
+// The class of a bound over its cutoff, the largest first; CUTOFF_CLASSES where it is not below the cutoff.
+fn cutoff_class(share: f32) -> u32 {
+    let steps = bitcast<u32>(max(share, 0.0)) >> HALF_OCTAVE_BITS;
+    if steps >= HALF_OCTAVES_OF_ONE {
+        return CUTOFF_CLASSES;
+    }
+    return min(HALF_OCTAVES_OF_ONE - 1u - steps, CUTOFF_CLASSES - 1u);
+}
+
+// No bound of a class is larger than this share of the cutoff.
+fn cutoff_class_edge(class_: u32) -> f32 {
+    return bitcast<f32>((HALF_OCTAVES_OF_ONE - min(class_, CUTOFF_CLASSES)) << HALF_OCTAVE_BITS) * (1.0 + SLACK);
+}

@@ -5,7 +5,7 @@ use crate::buffers::VoxelBuffers;
 use crate::settings::VoxelGi;
 use crate::sky::Sky;
 use crate::surfaces::{is_emissive, is_voxelized};
-use crate::types::{COUNTER_NAMES, POOL_FREE, POOL_HEADER, POOL_LIT};
+use crate::types::{COUNTER_NAMES, POOL_FACES, POOL_FREE, POOL_HEADER, POOL_LIT};
 use akari_render::emission::ShinesAsAreaLight;
 use akari_render::guides::NeedsGuides;
 use akari_render::prelude::*;
@@ -292,6 +292,8 @@ pub fn collect_counters(
             }
             let lit = counts[POOL_LIT as usize].max(0).unsigned_abs();
             ledger.set_counter("voxel pages lit", u64::from(lit));
+            let faces = counts[POOL_FACES as usize].max(0).unsigned_abs();
+            ledger.set_counter("voxel faces lit", u64::from(faces));
             let free = counts[POOL_FREE as usize].max(0).unsigned_abs();
             used.store(pages.saturating_sub(free).max(1), Ordering::Release);
             /// Word of the bricks that got no page.

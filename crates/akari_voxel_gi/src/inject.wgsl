@@ -10,7 +10,7 @@
 #import akari_math::voxel::brick::FREE_PAGE
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
 #import akari_voxel_gi::lighting::{due_owner, lighting, mark_lit}
-#import akari_voxel_gi::records::{VoxelFace, dither, load_face}
+#import akari_voxel_gi::records::{VoxelFace, dither, count_faces, faces_of_page, load_face}
 #import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap, voxel_coverage}
 #import akari_voxel_gi::types::{IRRADIANCE_STRIDE, LAMPS_ELSEWHERE_BIT, UNKNOWN_IRRADIANCE}
 
@@ -133,12 +133,14 @@ fn irradiance_of_polygon(face: VoxelFace, light: u32) -> vec3<f32> {
 fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let page = group.x;
     let owner = due_owner(page, local);
-#ifndef FEEDBACK
-    if owner != FREE_PAGE {
-        mark_lit(owner, page, local);
+    if owner == FREE_PAGE {
+        return;
     }
+    let faces = faces_of_page(owner, page, local);
+#ifndef FEEDBACK
+    mark_lit(owner, page, count_faces(faces), local);
 #endif
-    let face = load_face(owner, page, local);
+    let face = load_face(owner, page, faces, local);
     if !face.valid {
         return;
     }

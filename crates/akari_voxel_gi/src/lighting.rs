@@ -5,7 +5,7 @@ use crate::buffers::VoxelBuffers;
 use crate::demand::CounterReadback;
 use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
 use crate::pipeline::StoreKey;
-use crate::prepare::VoxelFrame;
+use crate::prepare::{FrameCommands, VoxelFrame};
 use crate::scene::VoxelScene;
 use crate::sky::{GpuVoxelSurroundings, MirroredLights, Sky, SkyBindings, VoxelInteriors, has_map};
 use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
@@ -46,9 +46,10 @@ const PAGES_OF_BRICK: u32 = 2;
 
 /// Which pages are lit, frame after frame.
 ///
-/// Pages that were just made have their turn at once; all others have theirs one after the other, so that a frame lights
-/// no more than a cap (and a quarter of it, where bricks are made in great numbers), and each page is lit within
-/// `4 pages / cap` frames.
+/// Pages that were just made have their turn at once; all others share what these leave of the frame's cap, one after the
+/// other. So a frame lights much the same number whether the camera moves or not, no more than the cap (and a quarter of it,
+/// where bricks are made in great numbers), and each page is lit within `4 pages / cap` frames. What a page costs goes with
+/// its faces; those whose turn it is are spread over all there are, so that their mean hardly changes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Rounds {
     cursor: u32,
@@ -60,7 +61,7 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    /// Goes on by a frame in which `made` bricks are made, with `used` pages in use.
+    /// Goes on by a frame in which `made` bricks are made, tails too, with `used` pages in use.
     fn advance(&mut self, used: u32, cap: u32, made: u32) {
         self.cursor = self.cursor.wrapping_add(self.span);
         let cap = cap.max(1);
@@ -390,7 +391,7 @@ pub fn prepare_lighting(
     lighting.frame = lighting.frame.wrapping_add(1);
     let (vectors, light_count) =
         pack_lights(&lights.lights, &polygons.lights, buffers.clipmap.camera());
-    let made = frame.commands.as_ref().map_or(0, |commands| commands.made);
+    let made = frame.commands.as_ref().map_or(0, FrameCommands::bricks);
     let settings = &view.settings;
     let used = readback.pages_used().min(buffers.pages);
     lighting
@@ -495,7 +496,7 @@ pub fn light_voxels(
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
-    encoder.clear_buffer(&groups.pool, u64::from(POOL_LIT) * 4, Some(4));
+    encoder.clear_buffer(&groups.pool, u64::from(POOL_LIT) * 4, Some(8));
     let mut run = |label, pipeline, first: &BindGroup, voxels: &BindGroup| {
         let span = diagnostics.time_span(encoder, label);
         {

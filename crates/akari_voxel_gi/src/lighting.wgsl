@@ -4,7 +4,7 @@
 
 #import akari_math::voxel::brick::FREE_PAGE
 #import akari_math::voxel::schedule::page_has_turn
-#import akari_voxel_gi::types::{PAGE_STALE, POOL_LIT}
+#import akari_voxel_gi::types::{PAGE_STALE, POOL_FACES, POOL_LIT}
 
 // As `GpuVoxelLighting`.
 struct VoxelLighting {
@@ -51,10 +51,11 @@ fn due_owner(page: u32, local: u32) -> u32 {
     return workgroupUniformLoad(&shared_owner);
 }
 
-// A page that was lit waits for its turn again.
-fn mark_lit(owner: u32, page: u32, local: u32) {
+// A page of so many faces that was lit waits for its turn again.
+fn mark_lit(owner: u32, page: u32, faces: u32, local: u32) {
     if local == 0u {
         page_owner[page] = owner & ~PAGE_STALE;
         atomicAdd(&pool[POOL_LIT], 1);
+        atomicAdd(&pool[POOL_FACES], i32(faces));
     }
 }

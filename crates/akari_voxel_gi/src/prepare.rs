@@ -48,6 +48,11 @@ pub struct FrameCommands {
 }
 
 impl FrameCommands {
+    /// All bricks that are made, of cascades and of tails.
+    pub fn bricks(&self) -> u32 {
+        self.made + self.tails.iter().sum::<u32>()
+    }
+
     /// Offset of the job of a pass: 0 releases, 1 makes from triangles, 2 and more make tails.
     pub fn job_offset(pass: usize) -> u32 {
         (pass * JOB_STRIDE) as u32

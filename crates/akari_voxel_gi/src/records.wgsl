@@ -1,10 +1,12 @@
 #define_import_path akari_voxel_gi::records
 
-// Which face of which voxel an invocation works for: a workgroup has a page, an invocation one face of one record.
+// Which face of which voxel an invocation works for: a workgroup has a page, its first invocations one of the page's faces
+// each. Of a wall, one or two faces of six have anything turned to them: those that work stand together, so that whole
+// subgroups have nothing to do, and the cost of a page goes with its faces.
 
 #import akari_math::random::{random_hash, random_unit}
 #import akari_math::voxel::brick::{
-    FREE_PAGE, PAGE_RECORDS, brick_of_slot, mask_count, mask_select, page_owner_rank, page_owner_slot, voxel_of_index,
+    PAGE_RECORDS, brick_of_slot, mask_count, mask_select, page_owner_rank, page_owner_slot, voxel_of_index,
 }
 #import akari_math::voxel::packing::{VoxelSurface, coverage_of_face, voxel_surface_unpack}
 #import akari_voxel_gi::trace::{
@@ -13,9 +15,7 @@
 #import akari_voxel_gi::types::PAGE_STALE
 
 struct VoxelFace {
-    // Whether there is a voxel.
-    occupied: bool,
-    // Whether something in it is turned to the face.
+    // Whether there is one: a face of a voxel in which something is turned to it.
     valid: bool,
     record: u32,
     face: u32,
@@ -26,28 +26,58 @@ struct VoxelFace {
 }
 
 fn no_face() -> VoxelFace {
-    return VoxelFace(false, false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), vec3(0.5), vec3(0.0, 0.0, 1.0)));
+    return VoxelFace(false, 0u, 0u, 0u, vec3(0.0), VoxelSurface(vec3(0.0), vec3(0.5), vec3(0.0, 0.0, 1.0)));
 }
 
-// The face that the invocation `local` of the workgroup of `page` works for.
-fn load_face(owner: u32, page: u32, local: u32) -> VoxelFace {
+// Faces of the page that have something, a bit each: that of face f of record r is 6 r + f.
+var<workgroup> face_bits: array<atomic<u32>, 3>;
+var<workgroup> shared_faces: vec3<u32>;
+
+// Whether the page of `owner` holds a record `index`, 0 to 15.
+fn holds_record(owner: u32, index: u32) -> bool {
+    let brick = voxel_bricks[page_owner_slot(owner & ~PAGE_STALE)];
+    return PAGE_RECORDS * page_owner_rank(owner) + index < mask_count(brick.xy);
+}
+
+// The faces of the page that have something. For all of a workgroup of 96 at once.
+fn faces_of_page(owner: u32, page: u32, local: u32) -> vec3<u32> {
+    if local < 3u {
+        atomicStore(&face_bits[local], 0u);
+    }
+    workgroupBarrier();
+    if holds_record(owner, local / 6u)
+        && coverage_of_face(voxel_coverage[PAGE_RECORDS * page + local / 6u], local % 6u) != 0.0 {
+        atomicOr(&face_bits[local >> 5u], 1u << (local & 31u));
+    }
+    workgroupBarrier();
+    if local == 0u {
+        shared_faces = vec3(atomicLoad(&face_bits[0]), atomicLoad(&face_bits[1]), atomicLoad(&face_bits[2]));
+    }
+    return workgroupUniformLoad(&shared_faces);
+}
+
+fn count_faces(faces: vec3<u32>) -> u32 {
+    return mask_count(faces.xy) + countOneBits(faces.z);
+}
+
+// The face of the page that the invocation `local` works for: the one that `local` others precede.
+fn load_face(owner: u32, page: u32, faces: vec3<u32>, local: u32) -> VoxelFace {
     var result = no_face();
-    if owner == FREE_PAGE {
+    let before = mask_count(faces.xy);
+    if local >= before + countOneBits(faces.z) {
         return result;
+    }
+    var chosen = 0u;
+    if local < before {
+        chosen = mask_select(faces.xy, local);
+    } else {
+        chosen = 64u + mask_select(vec2(faces.z, 0u), local - before);
     }
     let slot = page_owner_slot(owner & ~PAGE_STALE);
     let brick = voxel_bricks[slot];
-    let rank = PAGE_RECORDS * page_owner_rank(owner) + local / 6u;
-    if rank >= mask_count(brick.xy) {
-        return result;
-    }
-    result.occupied = true;
-    result.record = PAGE_RECORDS * page + local / 6u;
-    result.face = local % 6u;
-    let covered = voxel_coverage[result.record];
-    if coverage_of_face(covered, result.face) == 0.0 {
-        return result;
-    }
+    let rank = PAGE_RECORDS * page_owner_rank(owner) + chosen / 6u;
+    result.record = PAGE_RECORDS * page + chosen / 6u;
+    result.face = chosen % 6u;
     var level = 0u;
     while level + 1u < voxel_clipmap.level_count && slot >= voxel_clipmap.levels[level + 1u].first_slot {
         level++;

@@ -171,13 +171,15 @@ pub struct GpuVoxelCluster {
 pub const INWARD_SHIFT: f32 = 1e-3;
 
 /// Words of the pool before its numbers.
-pub const POOL_HEADER: u32 = 8;
+pub const POOL_HEADER: u32 = 16;
 /// Word of the pool that counts the pages that are free. Those before it are counters of a frame.
 pub const POOL_FREE: u32 = 5;
 /// Word of the pool that counts the pages that were given back, and are free from the next reclaiming on.
 pub const POOL_RETURNED: u32 = 6;
 /// Word of the pool that counts the pages that were lit in a frame.
 pub const POOL_LIT: u32 = 7;
+/// Word of the pool that counts the faces of voxels that were lit in a frame: the unit of the work on light.
+pub const POOL_FACES: u32 = 8;
 
 /// Names of the first words of the pool: counts that add up over a frame, then the pages that are free.
 pub const COUNTER_NAMES: [&str; 6] = [

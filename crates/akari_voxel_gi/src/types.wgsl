@@ -29,10 +29,11 @@ const INSTANCE_ROUGHNESS_BIT: u32 = 24u;
 // Of the second word of a record's coverage, for its first face.
 const LAMPS_ELSEWHERE_BIT: u32 = 16u;
 const CLUSTER_TRIANGLES: u32 = 64u;
-const POOL_HEADER: u32 = 8u;
+const POOL_HEADER: u32 = 16u;
 const POOL_FREE: u32 = 5u;
 const POOL_RETURNED: u32 = 6u;
 const POOL_LIT: u32 = 7u;
+const POOL_FACES: u32 = 8u;
 const RELEASE_PENDING: u32 = 0x80000000u;
 const INWARD_SHIFT: f32 = 1e-3;
 

@@ -68,7 +68,7 @@ impl Knobs for AreaShadows {
             min: 0.0,
             max: 0.5,
             integer: false,
-            presets: [1.0 / 64.0, 1.0 / 128.0, 1.0 / 256.0, 0.0],
+            presets: [1.0 / 16.0, 1.0 / 64.0, 1.0 / 64.0, 1.0 / 256.0],
             cost: "a larger value visits fewer trees",
         },
     ];

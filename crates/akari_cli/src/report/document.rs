@@ -116,6 +116,13 @@ impl Point {
             .as_ref()
             .map_or(self.frame_ms.least, |gpu| gpu.least)
     }
+
+    /// What it usually takes: the median of the same times.
+    pub fn usual_ms(&self) -> f64 {
+        self.gpu_ms
+            .as_ref()
+            .map_or(self.frame_ms.median, |gpu| gpu.median)
+    }
 }
 
 /// Times of several frames.

@@ -237,7 +237,7 @@ fn measure(
     let mut stage = Stage::new(subject, &scope, out, common)?;
     let device = stage.device();
     make_folder(parts)?;
-    let variants = plan::variants(subject.effect, &scope);
+    let variants = plan::variants(subject.effect, &subject.scene_name(), &scope);
     let reporter = Reporter::with_phases("report", common);
     let mut points = Vec::with_capacity(variants.len());
     for (i, variant) in variants.iter().enumerate() {

@@ -154,8 +154,11 @@ pub fn subjects(
 
 /// Knobs of an effect that are left as they are, where that is not none: those that show in no still picture, and for a
 /// quick look those that show least.
-fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
+fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
     match (effect, quick) {
+        // Of two scenes, each has what one of the knobs is about.
+        ("area_lights", true) if scene == "many_lights" => &["texture_cells", "culling"],
+        ("area_lights", true) if scene == "spheres_textured" => &["contribution_cutoff", "culling"],
         ("voxel_gi", true) => &[
             "pages",
             "bricks_per_frame",
@@ -167,8 +170,10 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
             "voxel_size",
             // All is matte in its scene.
             "specular_cones",
+            // Indirect light has none.
+            "shadow_cones",
         ],
-        ("voxel_gi", false) => &["pages", "bricks_per_frame"],
+        ("voxel_gi", false) => &["pages", "bricks_per_frame", "shadow_cones"],
         // Only a limit.
         ("interreflection", true) => &["most_patches"],
         // The denoiser is given every pixel: nothing is upsampled.
@@ -182,6 +187,10 @@ fn left_out(effect: &str, quick: bool) -> &'static [&'static str] {
 /// Values of a knob that has few, not evenly apart, or whose steps are dear.
 fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
     match (effect, knob, quick) {
+        ("area_lights", "contribution_cutoff", true) => Some(&[0.125, 0.5, 1.0]),
+        ("area_lights", "contribution_cutoff", false) => {
+            Some(&[0.00390625, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0])
+        }
         ("voxel_gi", "cones" | "gather_cones", _) => Some(&[1.0, 5.0, 9.0, 16.0]),
         ("voxel_gi", "scale", true) => Some(&[1.0, 4.0]),
         ("voxel_gi", "scale", _) => Some(&[1.0, 2.0, 4.0]),
@@ -196,8 +205,8 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
 }
 
 /// The presets of an effect, then `high` with one knob turned at a time. No setting appears twice, nor one that differs
-/// from another only in knobs that do not count.
-pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
+/// from another only in knobs that do not count. `scene` is the scene's name.
+pub fn variants(effect: &'static str, scene: &str, scope: &Scope) -> Vec<Variant> {
     let values = |settings: &AkariSettings| -> BTreeMap<String, f32> {
         settings
             .knobs()
@@ -225,7 +234,7 @@ pub fn variants(effect: &'static str, scope: &Scope) -> Vec<Variant> {
     }
     let high = AkariSettings::default();
     for (owner, knob, current) in high.knobs() {
-        if owner != effect || left_out(effect, scope.quick).contains(&knob.name) {
+        if owner != effect || left_out(effect, scene, scope.quick).contains(&knob.name) {
             continue;
         }
         let tried = values_of(effect, knob.name, scope.quick)
@@ -322,7 +331,7 @@ mod tests {
     #[test]
     fn every_effect_has_four_settings_and_none_twice() {
         for effect in EFFECTS {
-            let variants = variants(effect, &SCOPE);
+            let variants = variants(effect, "", &SCOPE);
             assert!(variants.len() >= 4, "{effect}: {}", variants.len());
             assert_eq!(variants[0].label, "high");
             let turned: Vec<_> = variants.iter().filter(|v| v.preset.is_none()).collect();
@@ -350,7 +359,7 @@ mod tests {
     #[test]
     fn a_long_look_at_voxel_gi_turns_more_knobs() {
         let turned = |quick| {
-            let variants = variants("voxel_gi", &Scope { quick, ..SCOPE });
+            let variants = variants("voxel_gi", "", &Scope { quick, ..SCOPE });
             let knobs: std::collections::BTreeSet<_> =
                 variants.iter().filter_map(|variant| variant.knob).collect();
             knobs

@@ -239,10 +239,19 @@ pub fn scatter(curve: &Curve) -> String {
         );
     }
     for (x, y, names) in preset_labels(curve, at) {
+        /// Most that a letter of a name takes.
+        const LETTER: f64 = 7.5;
+        // To the left of its point where there is no room to the right.
+        let leaves = x + 8.0 + LETTER * names.len() as f64 > WIDTH;
+        let (shift, anchor) = if leaves {
+            (-8.0, "end")
+        } else {
+            (8.0, "start")
+        };
         let _ = write!(
             svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            x + 8.0,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
+            x + shift,
             y - 6.0,
             escape(&names)
         );

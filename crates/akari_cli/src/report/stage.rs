@@ -310,7 +310,11 @@ impl Stage {
                 let world = headless.app.world_mut();
                 variant.settings.apply(world);
                 if *effect == "voxel_gi" {
-                    world.entity_mut(*view).insert(variant.settings.voxel_gi);
+                    // The direct light that is taken from the picture has no shadows.
+                    world.entity_mut(*view).insert(VoxelGi {
+                        shadow_cones: 0,
+                        ..variant.settings.voxel_gi
+                    });
                     settling = VOXEL_FRAMES;
                 }
                 headless.step_until_ready()?;
@@ -482,13 +486,13 @@ fn comes_on_top(effect: &str) -> bool {
 
 /// What the effect's picture is held against.
 fn reference_options(effect: &str, size: Size, spp: u32) -> Options {
-    /// So many times the samples: interreflection is wrong by a few hundredths, and the reference has to be better.
-    const ONE_BOUNCE_SAMPLES: u32 = 8;
+    /// So many times the samples for what is wrong by a few hundredths: the reference has to be better.
+    const SAMPLES_OF_EXACT: u32 = 8;
     Options {
         width: size.width,
         height: size.height,
         spp: match effect {
-            "interreflection" => spp.saturating_mul(ONE_BOUNCE_SAMPLES),
+            "interreflection" | "area_lights" => spp.saturating_mul(SAMPLES_OF_EXACT),
             _ => spp,
         },
         max_depth: match effect {

@@ -201,7 +201,45 @@ pub fn cases() -> Vec<Case> {
                 bounds_mutation("radiance * (form_factor_bound", "1.001 * radiance * (form_factor_bound"),
             ],
         },
+        Case {
+            module: BOUNDS,
+            functions: &["cutoff_class", "cutoff_class_edge"],
+            imports: "",
+            body: "let c = cutoff_class(x(0u)); y(0u, f32(c)); y(1u, cutoff_class_edge(c));",
+            inputs: 1,
+            outputs: 2,
+            twin: |x, y| {
+                let class = tile_bounds::cutoff_class(x[0]);
+                y.extend([class as f32, tile_bounds::cutoff_class_edge(class)]);
+            },
+            oracle: None,
+            domains: vec![
+                domain("shares", rows(86, 500, |r, row| row.push(r.log_range(-12.0, 3.0))), ulp(0), ulp(0)),
+                domain("edges", vec![0.0, 1e-30, 0.25, 0.5, 0.75, 1.0, 1.5, 1e30, 2.328_306_4e-10], ulp(0), ulp(0)),
+            ],
+            mutations: vec![
+                bounds_mutation("HALF_OCTAVES_OF_ONE - 1u - steps", "HALF_OCTAVES_OF_ONE - steps"),
+                bounds_mutation("steps >= HALF_OCTAVES_OF_ONE", "steps > HALF_OCTAVES_OF_ONE"),
+                bounds_mutation("min(class_, CUTOFF_CLASSES)", "class_ + 1u"),
+            ],
+        },
     ]
+}
+
+/// A bound is below the edge of its class, and at least two thirds of it.
+#[test]
+fn classes_hold_their_bounds() {
+    let mut random = Random::new(87);
+    for _ in 0..1000 {
+        let share = random.log_range(-9.0, 0.0);
+        let edge = tile_bounds::cutoff_class_edge(tile_bounds::cutoff_class(share));
+        assert!(
+            share <= edge && edge <= share * 1.51,
+            "{share} in a class to {edge}"
+        );
+    }
+    assert_eq!(tile_bounds::cutoff_class(1.0), tile_bounds::CUTOFF_CLASSES);
+    assert!(tile_bounds::cutoff_class(1.0 - f32::EPSILON) < tile_bounds::CUTOFF_CLASSES);
 }
 
 /// No polygon gives more than its bounds, Lambert or GGX; and the bounds are not idle.

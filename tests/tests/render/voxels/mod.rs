@@ -29,7 +29,8 @@ use bevy_akari::voxel_gi::buffers::VoxelBuffers;
 use bevy_akari::voxel_gi::geometry::MeshGeometry;
 use bevy_akari::voxel_gi::pipeline::{MIPS_LABEL, RELEASE_LABEL, VOXELIZE_LABEL};
 use bevy_akari::voxel_gi::types::{
-    COUNTER_NAMES, PAGE_STALE, POOL_FREE, POOL_HEADER, POOL_LIT, POOL_RETURNED,
+    COUNTER_NAMES, FACES, IRRADIANCE_STRIDE, PAGE_STALE, POOL_FACES, POOL_FREE, POOL_HEADER,
+    POOL_LIT, POOL_RETURNED,
 };
 use bevy_akari_tests::*;
 use std::collections::{BTreeMap, BTreeSet};

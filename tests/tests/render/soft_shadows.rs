@@ -631,6 +631,7 @@ fn hard_lights_and_places_leave_no_pixel_broken() {
     };
     scenery.place_body(body_place());
     scenery.set(settings(4));
+    scenery.settled();
     let cases = [
         ("on the floor", down(0.0, 0.0, 0.0), Vec2::splat(2.0)),
         ("standing in the floor", standing, Vec2::new(2.0, 1.5)),

@@ -118,6 +118,8 @@ fn measure(
     let frames = FRAMES.to_string();
     let mut arguments = vec!["--effects", "area-lights,voxel-gi", "--frames", &frames];
     arguments.push("--quiet");
+    // The picture that is taken off has no shadows either.
+    arguments.extend(["--set", "voxel_gi.shadow_cones=0"]);
     arguments.extend(settings.iter().map(String::as_str));
     let (image, stats) = render_with_cli(&scene_path(SCENE), SIDE, &arguments);
     let light = difference(&image, direct);

@@ -212,7 +212,8 @@ fn main() {
         the shortest GPU spans of the shading pass of {FRAMES} frames on {adapter}, all in one run; errors are those of the\n\
         light that is added, against all triangles with 8 nodes an edge. What all of it is off from the path tracer stands in\n\
         the README.\n\n\
-        ## Tiers\n\nA flat metal wall of alpha 0.09, each of its {} triangles.\n\n{tiers}\n\
+        ## Tiers\n\nA flat metal wall of alpha 0.09, each of its {} triangles. CPU instructions of the integrals alone:\n\
+        [akari_math](../../akari_math/docs/sg_polygon_instructions.md).\n\n{tiers}\n\
         ## Presets\n\nA bent metal wall of 968 triangles.\n\n{presets}\n\
         ## Few and many triangles\n\nThe bent wall's sides come {BEND} m forward. Clusters may err by {} (`cut` of the preset `high`).\n\n{clusters}\n\
         ![error against time](error_time.svg)\n",

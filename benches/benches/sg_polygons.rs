@@ -2,7 +2,8 @@
 //!
 //! `cargo bench -p bevy_akari_benches --bench sg_polygons` prints the table; with `-- write` it also writes
 //! `crates/akari_math/docs/sg_polygon.md` and `.svg`. Times are GPU spans of the adapter named first, and times of the Rust
-//! twins, the ways taking turns in one run.
+//! twins, the ways taking turns in one run. With `-- instructions` it counts CPU instructions of the twins instead, where
+//! `perf` or `valgrind` can, and with `-- instructions write` writes `crates/akari_math/docs/sg_polygon_instructions.md`.
 
 use akari_gpu_test::{DeviceType, Gpu, Kernel, gpu, time_kernels};
 use akari_math::WGSL_MODULES;
@@ -10,11 +11,13 @@ use akari_math::ltc::polygon::form_factor;
 use akari_math::oracle::{gauss_legendre, sg_integral, sg_polygon::sg_polygon};
 use akari_math::sg::ltc::sg_ltc_polygon_integral;
 use akari_math::sg::polygon::sg_polygon_integral;
+use bevy_akari_benches::instructions::Counter;
 use bevy_akari_benches::plot::{Series, error_against_time};
 use glam::{Quat, Vec3};
 use std::fmt::Write;
 use std::hint::black_box;
 use std::path::Path;
+use std::process::Command;
 use std::time::Instant;
 
 /// Triangles for each λ.
@@ -307,8 +310,83 @@ fn gpu_times(gpu: &Gpu, samples: &[Sample]) -> Option<[Option<f64>; WAYS.len()]>
     )
 }
 
+/// Argument of the process whose instructions are counted; then the index of the way, and how often it is gone.
+const COUNTED: &str = "--counted-way";
+
+/// The work of the process that is counted, if this is it.
+fn is_counted(samples: &[Sample]) -> bool {
+    let arguments: Vec<String> = std::env::args().collect();
+    let [.., flag, way, rounds] = &arguments[..] else {
+        return false;
+    };
+    let (true, Ok(way), Ok(rounds)) = (flag == COUNTED, way.parse::<usize>(), rounds.parse())
+    else {
+        return false;
+    };
+    let Some(way) = WAYS.get(way) else {
+        return true;
+    };
+    for _ in 0..rounds {
+        for sample in samples {
+            black_box(way.integral(&black_box(sample.triangle), sample.axis, sample.sharpness));
+        }
+    }
+    true
+}
+
+/// CPU instructions of each way, a triangle.
+fn instructions(triangles: usize) -> Result<String, String> {
+    let counter = Counter::find()?;
+    let program = std::env::current_exe().map_err(|error| error.to_string())?;
+    let count = |way: usize, rounds: u64| {
+        let mut command = Command::new(&program);
+        command.args([COUNTED, &way.to_string(), &rounds.to_string()]);
+        counter.count(&command)
+    };
+    let mut text = format!(
+        "# Spherical Gaussians over triangles: CPU instructions\n\n\
+        Written by `cargo bench -p bevy_akari_benches --bench sg_polygons -- instructions write`; do not edit.\n\n\
+        Instructions of the Rust twins ({}, counted by {}) a triangle, over the triangles of\n\
+        [error against time](sg_polygon.md), clip at the horizon included (but for the nodes in the angle): what two rounds\n\
+        over all of them take beyond what one does.\n\n\
+        | | instructions |\n|---|---|\n",
+        std::env::consts::ARCH,
+        counter.name()
+    );
+    for (index, way) in WAYS.into_iter().enumerate() {
+        let (one, two) = (count(index, 1)?, count(index, 2)?);
+        let each = two.saturating_sub(one) as f64 / triangles as f64;
+        let _ = writeln!(text, "| {} | {each:.0} |", way.name());
+    }
+    Ok(text)
+}
+
+/// Prints [`instructions`], and writes them if it is asked for.
+fn report_instructions(triangles: usize) {
+    let written = instructions(triangles).and_then(|text| {
+        print!("{text}");
+        if !std::env::args().any(|argument| argument == "write") {
+            return Ok(());
+        }
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/akari_math/docs");
+        std::fs::write(folder.join("sg_polygon_instructions.md"), text)
+            .map_err(|error| format!("cannot write to {}: {error}", folder.display()))
+    });
+    if let Err(error) = written {
+        eprintln!("{error}");
+        std::process::exit(1);
+    }
+}
+
 fn main() {
     let samples = samples();
+    if is_counted(&samples) {
+        return;
+    }
+    if std::env::args().any(|argument| argument == "instructions") {
+        report_instructions(samples.len());
+        return;
+    }
     let exact: Vec<f64> = samples
         .iter()
         .map(|sample| {

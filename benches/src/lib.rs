@@ -1,3 +1,4 @@
 //! Benches of `bevy_akari`.
 
+pub mod instructions;
 pub mod plot;

@@ -140,6 +140,7 @@ pub fn triangles_as_patches(tier: u32, cut: f32) -> Interreflection {
         patch: 4.0,
         most_patches: 65_536,
         cut,
+        shadow_rays: 0,
     }
 }
 

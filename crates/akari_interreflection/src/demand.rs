@@ -2,6 +2,7 @@
 
 use crate::EFFECT;
 use crate::reflector::Reflector;
+use crate::settings::{DefaultInterreflection, Interreflection};
 use akari_render::prelude::*;
 use bevy::prelude::*;
 
@@ -14,8 +15,20 @@ pub const CAMERAS: &str = "cameras with interreflection";
 /// Census entry of the effect of area lights, if it is there.
 const AREA_LIGHTS: &str = "visible area lights";
 
+/// Census entry: those of them whose reflectors hide each other.
+pub const SHADOWED_CAMERAS: &str = "cameras whose reflectors hide each other";
+
 /// What hides reflectors from what they light, and lights from reflectors.
-pub const OCCLUSION: &str = "none";
+pub fn occlusion(census: &Census) -> &'static str {
+    let (shadowed, all) = (census.count(SHADOWED_CAMERAS), census.count(CAMERAS));
+    if shadowed == 0 {
+        "none"
+    } else if shadowed < all {
+        "reflectors, none for some cameras"
+    } else {
+        "reflectors"
+    }
+}
 
 /// Systems of the main world.
 pub(crate) fn build(app: &mut App) {
@@ -44,9 +57,10 @@ pub fn demand(census: &Census) -> Demand {
             format!("{count} {one}{s}")
         };
         Demand::needed(format!(
-            "{} may reflect {}; occlusion: {OCCLUSION}",
+            "{} may reflect {}; occlusion: {}",
             plural(reflectors, "reflector"),
-            plural(lights, "light")
+            plural(lights, "light"),
+            occlusion(census)
         ))
     }
 }
@@ -56,7 +70,8 @@ fn count(
     directional: Query<(&DirectionalLight, &InheritedVisibility)>,
     points: Query<(&PointLight, &InheritedVisibility)>,
     spots: Query<(&SpotLight, &InheritedVisibility)>,
-    cameras: Query<&Camera, (With<AkariCamera>, With<Camera3d>)>,
+    cameras: Query<(&Camera, Option<&Interreflection>), (With<AkariCamera>, With<Camera3d>)>,
+    defaults: Res<DefaultInterreflection>,
     mut census: ResMut<Census>,
 ) {
     let shown = reflectors.iter().filter(|visible| visible.get()).count();
@@ -64,8 +79,15 @@ fn count(
     if shown == 0 {
         return;
     }
-    let active = cameras.iter().filter(|camera| camera.is_active).count();
+    let (mut active, mut shadowed) = (0, 0);
+    for (camera, settings) in &cameras {
+        if camera.is_active {
+            active += 1;
+            shadowed += usize::from(settings.unwrap_or(&defaults.0).shadow_rays > 0);
+        }
+    }
     set(&mut census, CAMERAS, active);
+    set(&mut census, SHADOWED_CAMERAS, shadowed);
     let lights = directional
         .iter()
         .filter(|(light, visible)| visible.get() && light.illuminance > 0.0)
@@ -112,6 +134,13 @@ mod tests {
             demand(&census),
             Demand::needed("1 reflector may reflect 2 lights; occlusion: none")
         );
+        census.set(SHADOWED_CAMERAS, 1);
+        assert_eq!(
+            demand(&census),
+            Demand::needed("1 reflector may reflect 2 lights; occlusion: reflectors")
+        );
+        census.set(CAMERAS, 2);
+        assert_eq!(occlusion(&census), "reflectors, none for some cameras");
         census.set(REFLECTORS, 0);
         assert!(!demand(&census).needed);
     }

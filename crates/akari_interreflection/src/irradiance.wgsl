@@ -2,9 +2,13 @@
 
 #import akari_math::frame::orthonormal_basis
 #import akari_math::ltc::polygon::{lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new}
-#import akari_interreflection::lights::{INV_PI, polygon_radiance, punctual_light, unpack_light}
+#import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light, unpack_light}
+#ifdef SHADOW_RAYS
+#import akari_interreflection::lights::{FAR, light_sample}
+#import akari_interreflection::occlusion::held_back
+#endif
 #import akari_interreflection::types::{
-    InterreflectionView, IRRADIANCE_WORKGROUP, KIND_POLYGON, LIGHT_STRIDE, Triangle,
+    InterreflectionView, IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, Triangle,
 }
 
 @group(0) @binding(0) var<uniform> settings: InterreflectionView;
@@ -12,6 +16,45 @@
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
 // Irradiance over pi at the three corners of each patch.
 @group(0) @binding(3) var<storage, read_write> patch_light: array<vec4<f32>>;
+
+#ifdef SHADOW_RAYS
+// Rays to a polygon, for each that a contribution of a pixel may send: patches are lit once, pixels each frame.
+const RAYS_OF_PATCH: u32 = 8u;
+// Shares of a segment that do not count: the corner lies on its own reflector.
+const START: f32 = 1e-4;
+const END: f32 = 0.9999;
+// Floor of sums of weights.
+const MIN_WEIGHT: f32 = 1e-20;
+
+// Share of a light that other reflectors leave to a point: of what would arrive from points over the polygon, as what the
+// unshadowed light is multiplied with (the ratio of Heitz et al. 2018, "Combining Analytic Direct Illumination and Stochastic
+// Shadows", with fixed points).
+fn open_share(light: Light, point: vec3<f32>, normal: vec3<f32>) -> f32 {
+    let count = select(1u, RAYS_OF_PATCH * settings.shadow_rays, light.kind == KIND_POLYGON);
+    var open = 0.0;
+    var sum = 0.0;
+    for (var i = 0u; i < count; i++) {
+        var segment = light.direction * FAR;
+        var weight = 1.0;
+        if light.kind == KIND_POLYGON {
+            let corner = i % light.count;
+            let spot = light_sample(
+                light, lights[light.first + corner].xyz, lights[light.first + (corner + 1u) % light.count].xyz, i,
+            );
+            segment = spot.position - point;
+            let squared = max(dot(segment, segment), MIN_WEIGHT);
+            weight = spot.area * max(dot(normal, segment), 0.0) * abs(dot(light.direction, segment)) / (squared * squared);
+        } else if light.kind != KIND_DIRECTIONAL {
+            segment = light.position - point;
+        }
+        sum += weight;
+        if weight > 0.0 && !held_back(point, segment, select(START, START / FAR, light.kind == KIND_DIRECTIONAL), END) {
+            open += weight;
+        }
+    }
+    return select(1.0, open / max(sum, MIN_WEIGHT), sum > MIN_WEIGHT);
+}
+#endif
 
 @compute @workgroup_size(IRRADIANCE_WORKGROUP)
 fn irradiance(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -33,6 +76,7 @@ fn irradiance(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var k = 0u; k < settings.lights; k++) {
         let at = k * LIGHT_STRIDE;
         let light = unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
+        var arriving = vec3(0.0);
         if light.kind == KIND_POLYGON {
             let radiance = polygon_radiance(light, point);
             if radiance.w == 0.0 {
@@ -46,11 +90,17 @@ fn irradiance(@builtin(global_invocation_id) id: vec3<u32>) {
                 a = b;
             }
             lambert_polygon_close(&polygon);
-            sum += radiance.rgb * max(polygon.diffuse.z * radiance.w, 0.0);
+            arriving = radiance.rgb * max(polygon.diffuse.z * radiance.w, 0.0);
         } else {
             let incident = punctual_light(light, point);
-            sum += incident.illuminance * (INV_PI * max(dot(normal, incident.to_light), 0.0));
+            arriving = incident.illuminance * (INV_PI * max(dot(normal, incident.to_light), 0.0));
         }
+#ifdef SHADOW_RAYS
+        if any(arriving > vec3(0.0)) {
+            arriving *= open_share(light, point, normal);
+        }
+#endif
+        sum += arriving;
     }
     patch_light[id.x] = vec4(sum, 0.0);
 }

@@ -34,8 +34,13 @@
 //! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and
 //! voxels of metal leave that out ([`MirrorsLight`](akari_render::emission::MirrorsLight)): no light counts twice.
 //!
-//! **Limits**: nothing hides reflectors from receivers, or lights from reflectors ([`demand::OCCLUSION`], which the effect's
-//! reason says, too). Reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
+//! **Occlusion**: reflectors hide each other from what they light, and lights from each other, by
+//! [`shadow_rays`](settings::Interreflection::shadow_rays) through a tree of boxes over all of their triangles
+//! (`akari_math::bounds_tree`, `akari_math::segment`); a cluster that is partly hidden is looked at in parts. Patches are lit
+//! through eight times as many to each light. What is not marked as a reflector hides nothing
+//! ([`demand::occlusion`], which the effect's reason says, too).
+//!
+//! **Limits**: reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
 //! receive. Lights with images and environment light are left out.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
@@ -47,6 +52,7 @@ use bevy::prelude::*;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
+pub mod blockers;
 pub mod clusters;
 pub mod demand;
 pub mod geometry;
@@ -88,6 +94,7 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "lights.wgsl");
         load_shader_library!(app, "clusters.wgsl");
         load_shader_library!(app, "bindings.wgsl");
+        load_shader_library!(app, "occlusion.wgsl");
         load_shader_library!(app, "receiver.wgsl");
         load_shader_library!(app, "mirror.wgsl");
         embedded_asset!(app, "aggregate.wgsl");

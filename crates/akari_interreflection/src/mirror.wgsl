@@ -24,7 +24,7 @@
 #import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
 #import akari_interreflection::receiver::{
     bends, corner, corner_count, layer_from_table, look, middle_of, MIN_N_DOT_V, nearest_weights, normal_of, ON_PLANE,
-    point_of, Receiver, Seen,
+    point_of, Receiver, Seen, Sent, spread_of,
 }
 #import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
 
@@ -177,7 +177,7 @@ fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light,
 // The peak is sought from where a Gaussian would hold most light: that of the product, of the mirror's lobe, or of the pixel's
 // (GGX ends so slowly that lobes far from each other have two peaks). Values around it correct it: from their logarithms, a
 // parabola.
-fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, mirror_axis: vec3<f32>, mirror_sharpness: f32) -> vec3<f32> {
+fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, mirror_axis: vec3<f32>, mirror_sharpness: f32) -> Sent {
     let product = sg_product_unit(mirror_axis, mirror_sharpness, receiver.lobe_axis, receiver.lobe_sharpness);
     let between = mirror_axis - receiver.lobe_axis;
     let apart = 0.5 * dot(between, between);
@@ -253,13 +253,14 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
         }
     }
     if weights_sum <= 0.0 {
-        return vec3(0.0);
+        return Sent(vec3(0.0), lobe.axis, 0.0);
     }
     // The ellipse is a circle where the axes are stretched; so is the horizon a plane there.
     let stretch = elliptic_stretch(lobe);
     let horizon = safe_normalize(elliptic_normal(lobe, receiver.normal_ws), vec3(0.0, 0.0, 1.0));
     let frame = orthonormal_basis(horizon);
-    return sum / weights_sum * lobe_over(stretch * frame, seen, vec3(0.0, 0.0, 1.0) * frame, local);
+    let sent = sum / weights_sum * lobe_over(stretch * frame, seen, vec3(0.0, 0.0, 1.0) * frame, local);
+    return Sent(sent, lobe.axis, inverseSqrt(max(local, 1.0)));
 }
 
 // What a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the value
@@ -298,13 +299,13 @@ fn mean_over_lobe(receiver: Receiver, seen: Seen, material: ReflectorMaterial, l
 }
 
 // From a light by way of a glossy triangle and the pixel to the camera.
-fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> vec3<f32> {
+fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> Sent {
     let alpha = material.perceptual_roughness * material.perceptual_roughness;
     let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
     // Relative to the first corner, which lies in the mirror.
     let light_at = ((light.position - view.world_position) - receiver.position_rel) - seen.a;
     if light.kind != KIND_DIRECTIONAL && light.kind != KIND_POLYGON && dot(face, light_at) <= 0.0 {
-        return vec3(0.0);
+        return Sent(vec3(0.0), face, 0.0);
     }
     var lobe = sg_mirrored_light(-seen.a, light_at, face, alpha);
     if light.kind == KIND_DIRECTIONAL {
@@ -330,7 +331,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
     if light.kind == KIND_POLYGON {
         brightest = light.color;
     }
-    var sum = vec3(0.0);
+    var sum = Sent(vec3(0.0), lobe.axis, inverseSqrt(max(sharpness, 1.0)));
     if any(receiver.diffuse_albedo > vec3(0.0)) {
         let blur = sharpness * lobe.inverse_sharpness;
         let weights = look(seen, lobe.axis);
@@ -351,10 +352,17 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         }
         let peak = radiance * (cosine * exp(local * away));
         let sent = INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
-        sum += receiver.diffuse_albedo * min(sent, brightest);
+        sum.light = receiver.diffuse_albedo * min(sent, brightest);
     }
     if receiver.glossy {
-        sum += min(through_both(receiver, seen, material, light, lobe.axis, sharpness), brightest);
+        let glossy = through_both(receiver, seen, material, light, lobe.axis, sharpness);
+        let light_of_both = min(glossy.light, brightest);
+        // Where most of it comes from.
+        let outshines = dot(light_of_both - sum.light, vec3(1.0)) > 0.0;
+        sum.axis = select(sum.axis, glossy.axis, outshines);
+        sum.spread = select(sum.spread, glossy.spread, outshines);
+        sum.light += light_of_both;
     }
+    sum.spread = min(sum.spread, spread_of(seen));
     return sum;
 }

@@ -31,7 +31,7 @@ pub fn light_patches(
         reflectors.stale = false;
         return;
     }
-    let Some(pipeline) = cache.get_compute_pipeline(pipelines.irradiance) else {
+    let Some(pipeline) = cache.get_compute_pipeline(reflectors.irradiance) else {
         return;
     };
     let aggregate = match &reflectors.aggregate_group {
@@ -54,6 +54,9 @@ pub fn light_patches(
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
+        if let Some(blockers) = &reflectors.blocker_group {
+            pass.set_bind_group(1, blockers, &[]);
+        }
         pass.dispatch_workgroups(workgroups, 1, 1);
     }
     span.end(encoder);
@@ -110,6 +113,9 @@ pub fn shade(
     }
     pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
+    if let Some(blockers) = &reflectors.blocker_group {
+        pass.set_bind_group(1, blockers, &[]);
+    }
     pass.draw(0..3, 0..1);
     span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);

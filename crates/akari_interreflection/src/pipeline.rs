@@ -1,7 +1,8 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
 use crate::types::{
-    GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
+    GpuTriangle,
 };
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
@@ -13,7 +14,7 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::view::ViewUniform;
-use bevy::shader::Shader;
+use bevy::shader::{Shader, ShaderDefVal};
 
 /// Label of the pass that lights patches and of its time span.
 pub const IRRADIANCE_LABEL: &str = "akari_interreflection_irradiance";
@@ -31,8 +32,8 @@ pub struct InterreflectionPipelines {
     pub aggregate_layout: BindGroupLayoutDescriptor,
     /// Bind group of the shading pass.
     pub shade_layout: BindGroupLayoutDescriptor,
-    /// The pass that lights patches.
-    pub irradiance: CachedComputePipelineId,
+    /// What rays walk: the second bind group of both of those, where there are any.
+    pub blocker_layout: BindGroupLayoutDescriptor,
     /// The pass that sums up clusters.
     pub aggregate: CachedComputePipelineId,
     /// M⁻¹ and magnitude, two layers.
@@ -40,6 +41,7 @@ pub struct InterreflectionPipelines {
     /// Bilinear, clamped.
     pub table_sampler: Sampler,
     vertex: VertexState,
+    irradiance_shader: Handle<Shader>,
     shade_shader: Handle<Shader>,
 }
 
@@ -106,12 +108,16 @@ impl InterreflectionPipelines {
                 ),
             ),
         );
-        let irradiance = cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(IRRADIANCE_LABEL.into()),
-            layout: vec![irradiance_layout.clone()],
-            shader: load_embedded_asset!(assets, "irradiance.wgsl"),
-            ..default()
-        });
+        let blocker_layout = BindGroupLayoutDescriptor::new(
+            "akari_interreflection_blocker_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+                (
+                    storage_buffer_read_only_sized(false, Some(GpuBlockerNode::min_size())),
+                    read,
+                ),
+            ),
+        );
         let aggregate = cache.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(AGGREGATE_LABEL.into()),
             layout: vec![aggregate_layout.clone()],
@@ -122,7 +128,7 @@ impl InterreflectionPipelines {
             irradiance_layout,
             aggregate_layout,
             shade_layout,
-            irradiance,
+            blocker_layout,
             aggregate,
             ltc_table: upload_ltc_table(device, queue),
             table_sampler: device.create_sampler(&SamplerDescriptor {
@@ -132,6 +138,7 @@ impl InterreflectionPipelines {
                 ..default()
             }),
             vertex: fullscreen.to_vertex_state(),
+            irradiance_shader: load_embedded_asset!(assets, "irradiance.wgsl"),
             shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
         }
     }
@@ -173,6 +180,39 @@ pub struct ShadeKey {
     pub target_format: TextureFormat,
     /// Whether lobes are integrated by cosine lobes.
     pub cosine_lobes: bool,
+    /// Whether rays look what reflectors hold back.
+    pub shadow_rays: bool,
+}
+
+/// The definition that compiles rays, and what they read.
+fn with_rays(
+    mut layout: Vec<BindGroupLayoutDescriptor>,
+    blockers: &BindGroupLayoutDescriptor,
+    shadow_rays: bool,
+) -> (Vec<BindGroupLayoutDescriptor>, Vec<ShaderDefVal>) {
+    let mut definitions = Vec::new();
+    if shadow_rays {
+        layout.push(blockers.clone());
+        definitions.push("SHADOW_RAYS".into());
+    }
+    (layout, definitions)
+}
+
+impl SpecializedComputePipeline for InterreflectionPipelines {
+    /// Whether rays look what reflectors hold back of the light on its way to patches.
+    type Key = bool;
+
+    fn specialize(&self, shadow_rays: bool) -> ComputePipelineDescriptor {
+        let layout = vec![self.irradiance_layout.clone()];
+        let (layout, shader_defs) = with_rays(layout, &self.blocker_layout, shadow_rays);
+        ComputePipelineDescriptor {
+            label: Some(IRRADIANCE_LABEL.into()),
+            layout,
+            shader: self.irradiance_shader.clone(),
+            shader_defs,
+            ..default()
+        }
+    }
 }
 
 impl SpecializedRenderPipeline for InterreflectionPipelines {
@@ -184,13 +224,14 @@ impl SpecializedRenderPipeline for InterreflectionPipelines {
             dst_factor: BlendFactor::One,
             operation: BlendOperation::Add,
         };
-        let mut shader_defs = Vec::new();
+        let layout = vec![self.shade_layout.clone()];
+        let (layout, mut shader_defs) = with_rays(layout, &self.blocker_layout, key.shadow_rays);
         if key.cosine_lobes {
             shader_defs.push("COSINE_LOBES".into());
         }
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),
-            layout: vec![self.shade_layout.clone()],
+            layout,
             vertex: self.vertex.clone(),
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),

@@ -1,12 +1,15 @@
 //! Buffers, bind groups and pipelines of the views that reflectors light, and their release.
 
 use crate::EFFECT;
+use crate::blockers::Blockers;
 use crate::clusters::Clusters;
 use crate::lights::{ReflectedLights, pack_lights};
 use crate::pipeline::{InterreflectionPipelines, ShadeKey, ltc_table_bytes};
 use crate::scene::{ReflectorScene, Triangles, ViewInterreflection, cut};
+use crate::settings::MOST_SHADOW_RAYS;
 use crate::types::{
-    GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
+    GpuTriangle,
 };
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::prelude::*;
@@ -27,6 +30,8 @@ struct Made {
     patch: f32,
     most_patches: u32,
     clustered: bool,
+    /// Rays; patches are lit by as many in proportion.
+    shadow_rays: u32,
     mirrored_only: bool,
 }
 
@@ -81,6 +86,41 @@ impl Tree {
     }
 }
 
+/// What rays walk on the GPU.
+#[derive(Clone)]
+struct BlockerBuffers {
+    /// Version of the scene that it was made of.
+    scene: u64,
+    nodes: Buffer,
+    corners: Buffer,
+    triangles: u32,
+}
+
+impl BlockerBuffers {
+    fn new(device: &RenderDevice, scene: &ReflectorScene) -> Self {
+        let Blockers { mut nodes, corners } = Blockers::new(&scene.triangles);
+        if nodes.is_empty() {
+            // What stands for none leads to the end.
+            nodes.push(GpuBlockerNode {
+                skip: 1,
+                low: Vec3::MAX,
+                high: Vec3::MAX,
+                leaf: 0,
+            });
+        }
+        Self {
+            scene: scene.version,
+            nodes: storage::<GpuBlockerNode>(device, "akari_interreflection_blockers", &nodes),
+            corners: storage::<Vec4>(device, "akari_interreflection_blocker_corners", &corners),
+            triangles: (corners.len() / 3) as u32,
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.nodes.size() + self.corners.size()
+    }
+}
+
 /// What the passes of one view read and write.
 #[derive(Component)]
 pub struct ViewReflectors {
@@ -97,8 +137,13 @@ pub struct ViewReflectors {
     light_count: u32,
     /// Whether the patches are still to be lit.
     pub stale: bool,
+    blockers: Option<BlockerBuffers>,
+    /// The pipeline that lights patches.
+    pub irradiance: CachedComputePipelineId,
     /// The shading pipeline.
     pub shade: CachedRenderPipelineId,
+    /// Bind group of what rays walk, if there are any.
+    pub blocker_group: Option<BindGroup>,
     /// Bind group of the pass that lights patches.
     pub irradiance_group: Option<BindGroup>,
     /// Bind group of the pass that sums up clusters, if there are any of patches.
@@ -117,6 +162,7 @@ pub fn release(
     if views.is_empty() && pipelines.is_some() {
         commands.remove_resource::<InterreflectionPipelines>();
         commands.remove_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
+        commands.remove_resource::<SpecializedComputePipelines<InterreflectionPipelines>>();
         ledger.free(EFFECT);
     }
 }
@@ -144,6 +190,7 @@ pub fn prepare_pipelines(
         &fullscreen,
     ));
     commands.init_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
+    commands.init_resource::<SpecializedComputePipelines<InterreflectionPipelines>>();
     ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
 }
 
@@ -183,13 +230,18 @@ pub fn prepare_reflectors(
     lights: Res<ReflectedLights>,
     polygons: Res<AreaLightPolygons>,
     pipelines: Option<Res<InterreflectionPipelines>>,
-    specialized: Option<ResMut<SpecializedRenderPipelines<InterreflectionPipelines>>>,
+    specialized: (
+        Option<ResMut<SpecializedRenderPipelines<InterreflectionPipelines>>>,
+        Option<ResMut<SpecializedComputePipelines<InterreflectionPipelines>>>,
+    ),
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     ledger: Res<GpuLedger>,
 ) {
-    let (Some(pipelines), Some(mut specialized)) = (pipelines, specialized) else {
+    let (Some(pipelines), (Some(mut specialized), Some(mut specialized_compute))) =
+        (pipelines, specialized)
+    else {
         return;
     };
     if views.is_empty() {
@@ -204,12 +256,15 @@ pub fn prepare_reflectors(
             patch: settings.patch,
             most_patches: settings.most_patches,
             clustered: settings.cut > 0.0,
+            shadow_rays: settings.shadow_rays,
             mirrored_only: interreflection.mirrored_only,
         };
         let key = ShadeKey {
             target_format: view.target_format,
             cosine_lobes: settings.cosine_lobes().is_some(),
+            shadow_rays: made.shadow_rays > 0,
         };
+        let irradiance = specialized_compute.specialize(&cache, &pipelines, made.shadow_rays > 0);
         let shade = specialized.specialize(&cache, &pipelines, key);
         let uniform_of = |tree: &Tree, light_count| {
             let uniform = GpuInterreflectionView {
@@ -226,7 +281,8 @@ pub fn prepare_reflectors(
                 clusters: tree.count,
                 levels: tree.levels,
                 cut: settings.cut,
-                pad: UVec2::ZERO,
+                shadow_rays: settings.shadow_rays.min(MOST_SHADOW_RAYS),
+                pad: 0,
             };
             let mut bytes = encase::UniformBuffer::new(Vec::new());
             if let Err(error) = bytes.write(&uniform) {
@@ -235,6 +291,7 @@ pub fn prepare_reflectors(
             bytes.into_inner()
         };
         let mut kept = None;
+        let mut kept_blockers = None;
         if let Some(mut existing) = existing {
             if existing.made == made {
                 existing.shade = shade;
@@ -243,6 +300,7 @@ pub fn prepare_reflectors(
                 continue;
             }
             kept = Some(existing.tree.clone());
+            kept_blockers = existing.blockers.take();
         }
         let cut = cut(&scene, &lights.lights, &polygons.lights, interreflection);
         // Lights that move mostly leave patches as they are.
@@ -254,6 +312,11 @@ pub fn prepare_reflectors(
                     .collect();
                 Tree::new(&device, cut, made.clustered, &alphas)
             });
+        let blockers = (made.shadow_rays > 0).then(|| {
+            kept_blockers
+                .filter(|kept| kept.scene == scene.version)
+                .unwrap_or_else(|| BlockerBuffers::new(&device, &scene))
+        });
         let patches = tree.source.patches;
         let glossy = tree.source.triangles.len() as u32 - patches;
         let materials = storage::<GpuReflectorMaterial>(
@@ -281,13 +344,18 @@ pub fn prepare_reflectors(
             + materials.size()
             + light_buffer.size()
             + patch_light.size()
-            + uniform.size();
+            + uniform.size()
+            + blockers.as_ref().map_or(0, BlockerBuffers::bytes);
         ledger.set_bytes(EFFECT, format!("view {entity}"), held);
         for (name, count) in [
             ("interreflection diffuse patches", patches),
             ("interreflection glossy triangles", glossy),
             ("interreflection clusters", tree.count),
             ("interreflection triangles dropped", scene.dropped),
+            (
+                "interreflection triangles that hide",
+                blockers.as_ref().map_or(0, |blockers| blockers.triangles),
+            ),
         ] {
             ledger.set_counter(name, u64::from(count));
         }
@@ -302,7 +370,10 @@ pub fn prepare_reflectors(
             glossy,
             light_count,
             stale: true,
+            blockers,
+            irradiance,
             shade,
+            blocker_group: None,
             irradiance_group: None,
             aggregate_group: None,
             shade_group: None,
@@ -342,6 +413,16 @@ pub fn prepare_bind_groups(
                     view.tree.clusters.as_entire_binding(),
                     view.tree.order.as_entire_binding(),
                     view.tree.cluster_light.as_entire_binding(),
+                )),
+            )
+        });
+        view.blocker_group = view.blockers.as_ref().map(|blockers| {
+            device.create_bind_group(
+                "akari_interreflection_blockers",
+                &cache.get_bind_group_layout(&pipelines.blocker_layout),
+                &BindGroupEntries::sequential((
+                    blockers.nodes.as_entire_binding(),
+                    blockers.corners.as_entire_binding(),
                 )),
             )
         });

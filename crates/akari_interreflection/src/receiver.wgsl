@@ -17,6 +17,9 @@ const ON_PLANE: f32 = 1e-4;
 // A triangle whose normals turn by less than this, as 1 - cosine, is flat.
 const FLAT: f32 = 1e-5;
 
+// Radius of a circle that halves the area of a square, over its side.
+const CIRCLE_OF_SIDE: f32 = 0.4;
+
 // One specular layer from the table.
 struct Layer {
     m_inv: mat3x3<f32>,
@@ -55,6 +58,14 @@ struct Receiver {
     // Reflection lobe in the world.
     lobe_axis: vec3<f32>,
     lobe_sharpness: f32,
+}
+
+// What a part of a reflector sends to the camera by way of the pixel, and from where on it: a unit axis from the pixel, and
+// the radius, as a tangent, of what is looked at about it.
+struct Sent {
+    light: vec3<f32>,
+    axis: vec3<f32>,
+    spread: f32,
 }
 
 // A triangle, or the rectangle of a cluster, as the pixel sees it: corners relative to it, along the axes of the world,
@@ -185,6 +196,12 @@ fn normal_of(seen: Seen, weights: vec3<f32>) -> vec3<f32> {
         return safe_normalize(seen.normal_a + weights.x * seen.normal_b + weights.y * seen.normal_c, seen.normal_a);
     }
     return safe_normalize(weights.x * seen.normal_a + weights.y * seen.normal_b + weights.z * seen.normal_c, seen.normal_a);
+}
+
+// Radius of a circle within what is seen, as a tangent.
+fn spread_of(seen: Seen) -> f32 {
+    let least = min(length(seen.b - seen.a), length(seen.c - seen.b));
+    return CIRCLE_OF_SIDE * least / max(length(middle_of(seen)), TINY);
 }
 
 fn middle_of(seen: Seen) -> vec3<f32> {

@@ -9,6 +9,9 @@ pub const NODES: [u32; 6] = [1, 2, 3, 4, 6, 8];
 /// Tiers up to this one use as many cosine lobes as their number.
 pub const LAST_COSINE_TIER: u32 = 3;
 
+/// Most rays of a contribution.
+pub const MOST_SHADOW_RAYS: u32 = 16;
+
 /// How light between reflectors and what a camera sees is computed. On a camera, for that camera; every other
 /// [`AkariCamera`] takes [`DefaultInterreflection`].
 #[derive(Component, Debug, Clone, Copy, PartialEq, Reflect, Serialize, Deserialize)]
@@ -29,6 +32,10 @@ pub struct Interreflection {
     /// receiver's largest weight in it (`akari_math::cluster`); where that light is little, a fiftieth of this share of white
     /// in proportion to the cluster's solid angle. 0 to 1: 0 visits every triangle.
     pub cut: f32,
+    /// Rays, for each light that a triangle or cluster sends to a pixel, that look whether another reflector holds it back, and
+    /// as many from where it is mirrored to the light. 0 to 16: 0 lets all light through. Where some of a cluster's rays are
+    /// held back, its parts are looked at.
+    pub shadow_rays: u32,
 }
 
 /// Settings of every camera that has an [`AkariCamera`] but no [`Interreflection`].
@@ -93,9 +100,18 @@ impl Knobs for Interreflection {
             presets: [0.6, 0.3, 0.15, 0.08],
             cost: "half the error makes about twice the clusters",
         },
+        Knob {
+            name: "shadow_rays",
+            what: "rays that look whether reflectors hold each other's light back, for each light of a triangle or cluster; 0 is none",
+            min: 0.0,
+            max: MOST_SHADOW_RAYS as f32,
+            integer: true,
+            presets: [0.0, 1.0, 3.0, 7.0],
+            cost: "each is a walk through a tree of boxes, two of what is mirrored; little beside the integrals of metal",
+        },
     ];
 
-    akari_render::knob_fields!(tier, patch, most_patches, cut);
+    akari_render::knob_fields!(tier, patch, most_patches, cut, shadow_rays);
 }
 
 #[cfg(test)]
@@ -105,7 +121,7 @@ mod tests {
 
     #[test]
     fn fields_are_knobs() {
-        let fields = ["tier", "patch", "most_patches", "cut"];
+        let fields = ["tier", "patch", "most_patches", "cut", "shadow_rays"];
         assert_eq!(knob_faults::<Interreflection>(&fields), [""; 0]);
     }
 

@@ -2,6 +2,9 @@
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import akari_math::area_light::{diffuse_transmission, surface_reflectance}
+#ifdef SHADOW_RAYS
+#import akari_math::frame::orthonormal_basis
+#endif
 #import akari_math::frame::shading_frame
 #import akari_math::ggx::ggx_reflection_lobe
 #import akari_math::ltc::lookup::diffuse_fresnel
@@ -19,9 +22,15 @@
     ClusterView, gloss_of, largest, least_versine, light_error, shape_error, view_cluster,
 }
 #import akari_interreflection::lights::{INV_PI, Light, unpack_light}
+#ifdef SHADOW_RAYS
+#import akari_interreflection::lights::FAR
+#import akari_interreflection::occlusion::held_back
+#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON}
+#endif
 #import akari_interreflection::mirror::{from_glossy, MIN_INVERSE_SHARPNESS}
 #import akari_interreflection::receiver::{
-    corner, corner_count, layer_from_table, look, MIN_N_DOT_V, normal_of, ON_PLANE, point_of, Receiver, see, see_cluster, Seen,
+    corner, corner_count, layer_from_table, look, MIN_N_DOT_V, normal_of, ON_PLANE, point_of, Receiver, see,
+    see_cluster, Seen, Sent, spread_of,
 }
 #import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, LIGHT_STRIDE, MIXED_MATERIAL, ReflectorMaterial}
 
@@ -57,11 +66,12 @@ fn patch_radiance(seen: Seen, index: u32, material: ReflectorMaterial, weights: 
 }
 
 // From a diffuse patch or cluster to the camera by way of the pixel.
-fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorMaterial) -> vec3<f32> {
+fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorMaterial) -> Sent {
     // The back of a patch is lit by what its front turns away from: not computed.
     if !seen.visible || seen.side < 0.0 {
-        return vec3(0.0);
+        return Sent(vec3(0.0), receiver.normal_ws, 0.0);
     }
+    let spread = spread_of(seen);
     let frame = receiver.frame;
     let count = corner_count(seen);
     var before = corner(frame, seen, count - 1u);
@@ -74,10 +84,11 @@ fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorM
         }
         lambert_polygon_close(&polygon);
         if polygon.diffuse.z <= 0.0 {
-            return vec3(0.0);
+            return Sent(vec3(0.0), receiver.normal_ws, 0.0);
         }
         let axis = frame * safe_normalize(polygon.diffuse, vec3(0.0, 0.0, 1.0));
-        return receiver.diffuse_albedo * polygon.diffuse.z * patch_radiance(seen, index, material, look(seen, axis));
+        let light = patch_radiance(seen, index, material, look(seen, axis));
+        return Sent(receiver.diffuse_albedo * polygon.diffuse.z * light, axis, spread);
     }
     var polygon = ltc_polygon_new();
     for (var k = 0u; k < count; k++) {
@@ -92,8 +103,12 @@ fn from_diffuse(receiver: Receiver, seen: Seen, index: u32, material: ReflectorM
     let lobe_light = patch_radiance(seen, index, material, look(seen, lobe_axis));
     let lobe = receiver.layer.lobe_weight * max(polygon.specular.z, 0.0);
     let tail = dot(receiver.layer.tail, polygon.diffuse.zx);
-    return receiver.diffuse_albedo * max(polygon.diffuse.z, 0.0) * diffuse_light
-        + receiver.layer.albedo * max(lobe_light * lobe + diffuse_light * tail, vec3(0.0));
+    let diffuse = receiver.diffuse_albedo * max(polygon.diffuse.z, 0.0) * diffuse_light;
+    let glossy = receiver.layer.albedo * max(lobe_light * lobe + diffuse_light * tail, vec3(0.0));
+    // Where most of it comes from.
+    let outshines = dot(glossy - diffuse, vec3(1.0)) > 0.0;
+    let width = select(spread, min(spread, inverseSqrt(max(receiver.lobe_sharpness, 1.0))), outshines);
+    return Sent(diffuse + glossy, select(diffuse_axis, lobe_axis, outshines), width);
 }
 
 fn light_of(index: u32) -> Light {
@@ -136,6 +151,75 @@ fn choose(receiver: Receiver, cluster: Cluster, seen: ClusterView, offset: vec3<
     }
     return choice;
 }
+
+#ifdef SHADOW_RAYS
+// Share of the least error that a cluster may have, below which it does not matter what is hidden.
+const UNTRACED: f32 = 0.25;
+// How far from its surface a segment begins and ends, over its length; and how far over it, over the distance to the camera.
+const APART: f32 = 1e-3;
+const ABOVE: f32 = 2.0 * ON_PLANE;
+// Least product of the way to a light's plane and the cosine of the way there: in the plane it is not met.
+const MIN_ALONG: f32 = 1e-6;
+// Radius of the light's disc that mirrored segments end in, over that of the circle about it: of a square, the inscribed one.
+const DISC: f32 = 0.70710678;
+// Golden angle.
+const TURN: f32 = 2.39996323;
+
+// The place of a light that a segment from a mirror goes to: where the pixel sees it in the mirror, or what is nearest to that.
+fn mirrored_place(light: Light, origin: vec3<f32>, ahead: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    if light.kind == KIND_DIRECTIONAL {
+        return origin + light.direction * FAR;
+    }
+    let mirrored = reflect(ahead, normal);
+    let along = dot(light.direction, mirrored);
+    let to_plane = dot(light.direction, light.position - origin);
+    if light.kind != KIND_POLYGON || to_plane * along <= MIN_ALONG {
+        return light.position;
+    }
+    let beside = (origin - light.position) + mirrored * (to_plane / along);
+    return light.position + beside * min(DISC * light.radius / max(length(beside), TINY), 1.0);
+}
+
+// Share of what was sent that no reflector holds back between it and the pixel, nor, of a mirror, between it and the light.
+// Rays go to the middle of where the light comes from and to places around it. `gap` is how far the reflector's triangles may
+// be from what stands for them.
+fn open_share(receiver: Receiver, seen: Seen, sent: Sent, gap: f32, light: Light, mirror: bool) -> f32 {
+    let middle = safe_normalize(point_of(seen, look(seen, sent.axis)), sent.axis);
+    let basis = orthonormal_basis(middle);
+    let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
+    let pixel = view.world_position + receiver.position_rel;
+    let above = receiver.normal_ws * (ABOVE * length(receiver.position_rel));
+    let legs = select(1u, 2u, mirror);
+    var open = 0.0;
+    var at = vec3(0.0);
+    var weights = vec3(0.0);
+    for (var i = 0u; i < settings.shadow_rays * legs; i++) {
+        let ray = i / legs;
+        var origin = pixel + above;
+        var segment = vec3(0.0);
+        var from_share = APART;
+        var to_share = 1.0 - APART;
+        if i % legs == 0u {
+            // Evenly over a disc (Vogel 1979), the first one in its middle.
+            let radius = sent.spread * sqrt(f32(ray) / f32(max(settings.shadow_rays - 1u, 1u)));
+            let angle = TURN * f32(ray);
+            weights = look(seen, safe_normalize(middle + radius * (cos(angle) * basis[0] + sin(angle) * basis[1]), middle));
+            at = point_of(seen, weights);
+            segment = at - above;
+            to_share = 1.0 - max(APART, gap / max(-dot(face, segment), TINY));
+        } else {
+            origin = pixel + at;
+            segment = mirrored_place(light, origin, safe_normalize(at, middle), normal_of(seen, weights)) - origin;
+            from_share = max(APART * length(at) / max(length(segment), TINY), gap / max(dot(face, segment), TINY));
+        }
+        let held = held_back(origin, segment, from_share, to_share);
+        // What does not reach the pixel need not be followed to the light.
+        i += select(0u, legs - 1u - i % legs, held);
+        open += select(0.0, 1.0, !held && i % legs == legs - 1u);
+    }
+    return open / f32(settings.shadow_rays);
+}
+#endif
 
 // Radiance at the camera, with exposure, below which an error of a cluster does not matter.
 fn allowance(seen: ClusterView) -> f32 {
@@ -193,6 +277,13 @@ fn gather(receiver: Receiver) -> vec3<f32> {
         var material_index = 0u;
         var diffuse = false;
         var light_index = 0u;
+#ifdef SHADOW_RAYS
+        var gap = 0.0;
+        var allowed = settings.cut * FLOOR * LEAST_SHARE;
+        var of_cluster = false;
+        var below = 0u;
+        var leaf = vec2(0u);
+#endif
         if index < end {
             let triangle = triangles[index];
             seen = see(triangle, receiver);
@@ -210,6 +301,13 @@ fn gather(receiver: Receiver) -> vec3<f32> {
                 material_index = cluster.material;
                 diffuse = cluster_index < settings.patch_clusters;
                 light_index = cluster_index;
+#ifdef SHADOW_RAYS
+                gap = cluster.deviation;
+                allowed = allowance(from_here);
+                of_cluster = true;
+                below = select(cluster.skip, cluster_index + 1u, cluster.count == 0u);
+                leaf = vec2(cluster.first, cluster.first + cluster.count);
+#endif
             }
             if decision == 0 {
                 index = cluster.first;
@@ -223,13 +321,41 @@ fn gather(receiver: Receiver) -> vec3<f32> {
             continue;
         }
         let material = materials[material_index];
-        if diffuse {
-            sum += from_diffuse(receiver, seen, light_index, material);
-        } else {
-            for (var k = 0u; k < settings.lights; k++) {
-                sum += from_glossy(receiver, seen, material, light_of(k));
+        var sent_here = vec3(0.0);
+#ifdef SHADOW_RAYS
+        var hidden = 0.0;
+        var reached = 0.0;
+#endif
+        let count = select(settings.lights, 1u, diffuse);
+        for (var k = 0u; k < count; k++) {
+            let light = light_of(k);
+            var sent: Sent;
+            if diffuse {
+                sent = from_diffuse(receiver, seen, light_index, material);
+            } else {
+                sent = from_glossy(receiver, seen, material, light);
             }
+#ifdef SHADOW_RAYS
+            let radiance = largest(sent.light) * view.exposure;
+            if radiance > UNTRACED * settings.cut * FLOOR * LEAST_SHARE {
+                let open = open_share(receiver, seen, sent, gap, light, !diffuse);
+                sent.light *= open;
+                hidden += radiance * (1.0 - open);
+                reached += radiance * open;
+            }
+#endif
+            sent_here += sent.light;
         }
+#ifdef SHADOW_RAYS
+        // Rays tell only so much of a cluster that is partly hidden: what is below it is, or is not.
+        if of_cluster && min(hidden, reached) > allowed {
+            cluster_index = below;
+            index = leaf.x;
+            end = leaf.y;
+            continue;
+        }
+#endif
+        sum += sent_here;
     }
     return sum;
 }

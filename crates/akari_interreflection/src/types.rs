@@ -1,6 +1,6 @@
 //! What the GPU reads, field by field as in `types.wgsl`.
 
-use bevy::math::{UVec2, Vec3};
+use bevy::math::Vec3;
 use bevy::render::render_resource::ShaderType;
 
 /// Invocations of a workgroup of the pass that lights patches, as in `irradiance.wgsl`.
@@ -19,6 +19,8 @@ pub const KIND_DIRECTIONAL: u32 = 0;
 pub const KIND_POINT: u32 = 1;
 /// Kind of a light that is a polygon.
 pub const KIND_POLYGON: u32 = 2;
+/// Bits of [`GpuBlockerNode::leaf`] that hold the number of triangles.
+pub const BLOCKER_COUNT_BITS: u32 = 3;
 
 /// A triangle of a reflector, or a patch of one.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
@@ -141,6 +143,21 @@ pub struct GpuInterreflectionView {
     pub levels: u32,
     /// Error that a cluster may have; 0 looks at every triangle.
     pub cut: f32,
+    /// Rays that each contribution may send.
+    pub shadow_rays: u32,
     /// Padding.
-    pub pad: UVec2,
+    pub pad: u32,
+}
+
+/// A box of the tree that rays walk (`akari_math::bounds_tree`).
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuBlockerNode {
+    /// Least coordinates in the world.
+    pub low: Vec3,
+    /// The node after all below this one.
+    pub skip: u32,
+    /// Largest coordinates.
+    pub high: Vec3,
+    /// First triangle and, in the lowest [`BLOCKER_COUNT_BITS`], how many; those are 0 where nodes are below this one.
+    pub leaf: u32,
 }

@@ -10,6 +10,7 @@ const LIGHT_STRIDE: u32 = 4u;
 const KIND_DIRECTIONAL: u32 = 0u;
 const KIND_POINT: u32 = 1u;
 const KIND_POLYGON: u32 = 2u;
+const BLOCKER_COUNT_BITS: u32 = 3u;
 
 struct Triangle {
     a: vec3<f32>,
@@ -73,5 +74,13 @@ struct InterreflectionView {
     clusters: u32,
     levels: u32,
     cut: f32,
-    pad: vec2<u32>,
+    shadow_rays: u32,
+    pad: u32,
+}
+
+struct BlockerNode {
+    low: vec3<f32>,
+    skip: u32,
+    high: vec3<f32>,
+    leaf: u32,
 }

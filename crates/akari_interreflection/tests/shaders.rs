@@ -3,11 +3,11 @@
 
 use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
 use akari_interreflection::types::{
-    AGGREGATE_WORKGROUP, FLAG_TWO_SIDED, GpuCluster, GpuClusterLight, GpuInterreflectionView,
-    GpuReflectorMaterial, GpuTriangle, IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT,
-    KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
+    AGGREGATE_WORKGROUP, BLOCKER_COUNT_BITS, FLAG_TWO_SIDED, GpuBlockerNode, GpuCluster,
+    GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+    IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
 };
-use bevy::math::{UVec2, Vec3};
+use bevy::math::Vec3;
 use bevy::render::render_resource::ShaderType;
 use std::path::Path;
 
@@ -22,6 +22,7 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("lights.wgsl", include_str!("../src/lights.wgsl")),
     ("clusters.wgsl", include_str!("../src/clusters.wgsl")),
     ("bindings.wgsl", include_str!("../src/bindings.wgsl")),
+    ("occlusion.wgsl", include_str!("../src/occlusion.wgsl")),
     ("receiver.wgsl", include_str!("../src/receiver.wgsl")),
     ("mirror.wgsl", MIRROR),
 ];
@@ -32,7 +33,7 @@ fn irradiance() -> Entry {
         file: "irradiance.wgsl",
         source: include_str!("../src/irradiance.wgsl"),
         entry_point: "irradiance",
-        definitions: choices(&[]),
+        definitions: choices(&[&[&[], &["SHADOW_RAYS"]]]),
     }
 }
 
@@ -50,7 +51,7 @@ fn shade() -> Entry {
         file: "shade.wgsl",
         source: include_str!("../src/shade.wgsl"),
         entry_point: "fragment",
-        definitions: choices(&[&[&[], &["COSINE_LOBES"]]]),
+        definitions: choices(&[&[&[], &["COSINE_LOBES"]], &[&[], &["SHADOW_RAYS"]]]),
     }
 }
 
@@ -117,6 +118,7 @@ fn constants_and_workgroups_agree() {
         ("KIND_DIRECTIONAL", KIND_DIRECTIONAL),
         ("KIND_POINT", KIND_POINT),
         ("KIND_POLYGON", KIND_POLYGON),
+        ("BLOCKER_COUNT_BITS", BLOCKER_COUNT_BITS),
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
@@ -266,7 +268,8 @@ fn layouts_agree() {
         clusters: 8,
         levels: 9,
         cut: 10.0,
-        pad: UVec2::new(11, 0),
+        shadow_rays: 11,
+        pad: 12,
     };
     let fields = [
         ("patches", 1),
@@ -279,7 +282,21 @@ fn layouts_agree() {
         ("clusters", 8),
         ("levels", 9),
         ("cut", float(10.0)),
-        ("pad", 11),
+        ("shadow_rays", 11),
+        ("pad", 12),
     ];
     assert_eq!(fault("InterreflectionView", &view, &fields), None);
+    let node = GpuBlockerNode {
+        low: at(1.0),
+        skip: 2,
+        high: at(3.0),
+        leaf: 4,
+    };
+    let fields = [
+        ("low", float(1.0)),
+        ("skip", 2),
+        ("high", float(3.0)),
+        ("leaf", 4),
+    ];
+    assert_eq!(fault("BlockerNode", &node, &fields), None);
 }

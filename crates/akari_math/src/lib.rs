@@ -6,7 +6,7 @@
 //! WGSL reads no bindings and no globals, so that any kernel can import it; [`WGSL_MODULES`] lists the sources in the
 //! order in which they depend on each other.
 //!
-//! [`cluster_tree`], [`polygon::clip_polygon`], [`ndf_filter::NormalMoments`], [`ndf_filter::NormalCone`], [`outline`] and [`oracle`] run
+//! [`bounds_tree`], [`cluster_tree`], [`polygon::clip_polygon`], [`ndf_filter::NormalMoments`], [`ndf_filter::NormalCone`], [`outline`] and [`oracle`] run
 //! on the CPU only.
 //!
 //! Three levels of tests: the formulas in f64 ([`oracle`]) tell whether a Rust twin is accurate, and the twin tells
@@ -27,6 +27,7 @@
 )]
 
 pub mod area_light;
+pub mod bounds_tree;
 pub mod cluster;
 pub mod cluster_tree;
 pub mod convex_shadow;
@@ -49,6 +50,7 @@ pub mod polygon;
 pub mod random;
 pub mod reflector;
 pub mod reprojection;
+pub mod segment;
 pub mod sg;
 pub mod signal_packing;
 pub mod special;
@@ -107,6 +109,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),
     ("akari_math::area_light", include_str!("area_light.wgsl")),
     ("akari_math::reflector", include_str!("reflector.wgsl")),
+    ("akari_math::segment", include_str!("segment.wgsl")),
     ("akari_math::cluster", include_str!("cluster.wgsl")),
     ("akari_math::tile_bounds", include_str!("tile_bounds.wgsl")),
     ("akari_math::light_image", include_str!("light_image.wgsl")),

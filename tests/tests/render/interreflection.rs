@@ -87,8 +87,16 @@ impl Traced {
 
 /// What the effect adds, by the command line.
 fn drawn(scene: &Path) -> Pixels {
+    drawn_with(scene, None)
+}
+
+/// The same with so many shadow rays.
+fn drawn_with(scene: &Path, shadow_rays: Option<u32>) -> Pixels {
+    let set = shadow_rays.map(|rays| format!("--set=interreflection.shadow_rays={rays}"));
     let picture = |effects: &str| -> (RgbImage, serde_json::Value) {
-        render_with_cli(scene, SIDE, &["--effects", effects, "--frames", "1"])
+        let options = ["--effects", effects, "--frames", "1"];
+        let options: Vec<&str> = options.into_iter().chain(set.as_deref()).collect();
+        render_with_cli(scene, SIDE, &options)
     };
     let (all, stats) = picture("area-lights,interreflection");
     assert!(
@@ -201,10 +209,81 @@ fn the_caustic_of_a_ring_has_its_energy() {
         100.0 * error
     );
     assert!((sum / traced - 1.0).abs() <= 0.15, "{sum} of {traced}");
+    // The whole picture: outside of the ring its near side hides what its far side mirrors.
+    let whole = |ours: &Pixels| {
+        let sum: f64 = ours.iter().flatten().sum();
+        let error = truth.relative_rmse(ours, anywhere);
+        (sum / truth.sum(anywhere) - 1.0, error)
+    };
+    let (energy, rmse) = whole(&ours);
+    let (bare_energy, bare_rmse) = whole(&drawn_with(&scene, Some(0)));
+    println!(
+        "all of the ring's picture: energy {:+.1} %, relative RMSE {:.1} %; with nothing hidden {:+.1} %, {:.1} %",
+        100.0 * energy,
+        100.0 * rmse,
+        100.0 * bare_energy,
+        100.0 * bare_rmse
+    );
+    for (name, chosen) in [
+        (
+            "the table outside",
+            (|p| p.y < 1e-3 && p.xz().length() >= 0.48) as fn(Vec3) -> bool,
+        ),
+        ("the ring", |p| p.y >= 1e-3),
+    ] {
+        let sum: f64 = (truth.positions.iter().zip(&ours))
+            .filter(|(position, _)| chosen(**position))
+            .map(|(_, pixel)| pixel.iter().sum::<f64>())
+            .sum();
+        println!(
+            "{name}: energy {:+.1} %, relative RMSE {:.1} %, {:.0} % of all light",
+            100.0 * (sum / truth.sum(chosen) - 1.0),
+            100.0 * truth.relative_rmse(&ours, chosen),
+            100.0 * truth.sum(chosen) / truth.sum(anywhere)
+        );
+    }
+    // Metal on metal within the ring keeps it from being as good as the caustic.
+    let (most_energy, most_error) = (0.3, 0.45);
+    assert!(
+        energy.abs() <= most_energy && rmse <= most_error,
+        "{energy} {rmse}"
+    );
+    assert!(
+        bare_energy > most_energy && bare_rmse > most_error,
+        "what nothing hides passes, too"
+    );
     // As much light in the wrong place is no caustic.
     let pixels = truth.positions.iter().filter(|p| inside(**p)).count();
     let even = vec![[traced / (3.0 * pixels as f64); 3]; ours.len()];
     assert!(error < 0.5 * truth.relative_rmse(&even, inside));
+}
+
+#[test]
+fn a_screen_holds_back_what_a_wall_sends() {
+    if headless_or_skip("a_screen_holds_back").is_none() {
+        return;
+    }
+    let scene = scene_path("corner_screen");
+    let truth = Traced::new(&scene, 1024);
+    let mut errors = Vec::new();
+    for rays in [0, 1, 3, 7] {
+        let ours = drawn_with(&scene, Some(rays));
+        let on_floor = |position: Vec3| position.y.abs() < 1e-3;
+        let error = truth.relative_rmse(&ours, anywhere);
+        println!(
+            "corner with a screen, {rays} rays: relative RMSE {:.2} %, on the floor {:.2} %",
+            100.0 * error,
+            100.0 * truth.relative_rmse(&ours, on_floor)
+        );
+        errors.push(error);
+    }
+    // Penumbrae of few rays between corners of patches.
+    let limit = 0.15;
+    assert!(errors[0] > 2.0 * limit, "what nothing hides passes, too");
+    assert!(
+        errors[1..].iter().all(|error| *error <= limit),
+        "{errors:?}"
+    );
 }
 
 /// A floor and a wall of one material, marked or not, in the light of what `light` spawns.

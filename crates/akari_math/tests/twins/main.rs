@@ -19,6 +19,7 @@ mod packing;
 mod properties;
 mod reflection_lobes;
 mod reflector;
+mod segment;
 mod sg;
 mod sg_polygon_terms;
 mod sg_polygons;
@@ -47,6 +48,7 @@ fn table() -> Vec<Case> {
     cases.extend(ggx::cases());
     cases.extend(clusters::cases());
     cases.extend(reflector::cases());
+    cases.extend(segment::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());
     cases.extend(lookup::cases());

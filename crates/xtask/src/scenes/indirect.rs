@@ -56,6 +56,14 @@ pub fn corner_metal() -> Material {
     Material::metal([0.95, 0.62, 0.34], CORNER_ROUGHNESS)
 }
 
+/// `corner.glb` with a dark screen between the wall and the floor.
+pub fn corner_screen() -> Scene {
+    let mut scene = corner("corner_screen", corner_lambert());
+    let screen = cuboid([-0.55, HAIR, -0.56], [0.55, 0.6, -0.5]);
+    scene.object("screen", &screen, Material::lambert([0.1; 3]));
+    scene
+}
+
 /// Inner radius and height of the ring of [`ring`], metres.
 pub const RING_RADIUS: f64 = 0.5;
 /// See [`RING_RADIUS`].

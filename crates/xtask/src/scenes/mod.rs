@@ -41,6 +41,7 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
             "corner_glossy.glb",
             indirect::corner("corner_glossy", indirect::corner_metal()).finish(),
         ),
+        ("corner_screen.glb", indirect::corner_screen().finish()),
         (
             "cornell.glb",
             cornell::cornell("cornell", cornell::metal()).finish(),

@@ -71,8 +71,8 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
         ("lobes", _) => &["normal_mapped"],
-        ("interreflection", true) => &["corner", "corner_glossy"],
-        ("interreflection", false) => &["corner", "corner_glossy", "ring"],
+        ("interreflection", true) => &["corner", "corner_glossy", "corner_screen"],
+        ("interreflection", false) => &["corner", "corner_glossy", "corner_screen", "ring"],
         // A metal block throws caustics, which voxels know nothing of and no setting mends: they would hide what does.
         ("voxel_gi", true) => &["cornell_matte"],
         ("voxel_gi", false) => &[
@@ -174,8 +174,9 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
             "shadow_cones",
         ],
         ("voxel_gi", false) => &["pages", "bricks_per_frame", "shadow_cones"],
-        // Only a limit.
-        ("interreflection", true) => &["most_patches"],
+        // One of the scenes has what hides something; `most_patches` is only a limit.
+        ("interreflection", true) if scene == "corner_screen" => &["most_patches", "tier", "cut"],
+        ("interreflection", true) => &["most_patches", "shadow_rays"],
         // The denoiser is given every pixel: nothing is upsampled.
         ("denoise", _) => &["resample_below"],
         // It shows in what reads lobes, which the curve of the denoiser is about.
@@ -198,6 +199,7 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
         ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
         ("voxel_gi", "cascades", true) => Some(&[2.0, 3.0]),
         ("interreflection", "tier", true) => Some(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 9.0]),
+        ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0, 7.0]),
         ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
         _ => None,

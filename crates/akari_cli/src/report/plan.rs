@@ -17,6 +17,9 @@ pub const EFFECTS: [&str; 6] = [
     "interreflection",
 ];
 
+/// Ends the name of a scene whose every frame is the first.
+const FIRST_FRAME: &str = "_first_frame";
+
 /// One curve to be measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject {
@@ -41,7 +44,7 @@ impl Subject {
             .file_stem()
             .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         if self.first_frame {
-            format!("{stem}_first_frame")
+            format!("{stem}{FIRST_FRAME}")
         } else {
             stem
         }
@@ -176,8 +179,11 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
         ("voxel_gi", false) => &["pages", "bricks_per_frame", "shadow_cones"],
         // One of the scenes has what hides something; `most_patches` is only a limit.
         ("interreflection", true) if scene == "corner_screen" => &["most_patches", "tier", "cut"],
+        // All is matte in its scene: nothing has a lobe.
+        ("interreflection", true) if scene == "corner" => &["most_patches", "shadow_rays", "tier"],
         ("interreflection", true) => &["most_patches", "shadow_rays"],
         // The denoiser is given every pixel: nothing is upsampled.
+        ("denoise", true) if scene.ends_with(FIRST_FRAME) => &["resample_below", "history"],
         ("denoise", _) => &["resample_below"],
         // It shows in what reads lobes, which the curve of the denoiser is about.
         ("lobes", _) => &["wang"],

@@ -10,8 +10,8 @@
 // from its aperture.
 //
 // Definitions: VOXEL_GROUP, the bind group of the voxels; TRACE_RADIANCE, to read radiance; MIRRORS, with the latter, to
-// leave what metal sends to whoever follows the mirrored ray; CASTERS, to tell what some of the casters let through; PLAIN_CONES, to march isotropic cones as commonly done, for
-// comparison.
+// leave what metal sends to whoever follows the mirrored ray; CASTERS, to tell what some of the casters let through;
+// PLAIN_CONES, to march isotropic cones as commonly done, for comparison.
 
 #import akari_math::random::{random_hash, random_unit}
 #import akari_math::voxel::brick::{mask_holds, mask_rank, record_index, voxel_index}

@@ -20,6 +20,10 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             include_str!("../../src/types.wgsl"),
         ),
         (
+            "akari_voxel_gi::casters",
+            include_str!("../../src/casters.wgsl"),
+        ),
+        (
             "akari_voxel_gi::trace",
             include_str!("../../src/trace.wgsl"),
         ),

@@ -19,6 +19,10 @@ use std::sync::Arc;
 const TRIANGLE_BYTES: u64 = 36;
 const CLUSTER_BYTES: u64 = 32;
 const SURFACE_BYTES: u64 = 8;
+/// Metal that is smoother is metal to the voxels only where reflectors draw its image of lamps, as in `trace.wgsl`. That file
+/// knows the roughness of a voxel alone, which at an edge is that of its spread normals: one cone in thousands would meet a
+/// lamp there, and leave a bright pixel.
+const LEAST_FOLLOWED_ROUGHNESS: f32 = 0.45;
 
 /// What voxelization reads of the scene.
 #[derive(Resource)]
@@ -291,7 +295,10 @@ fn gpu_instance(
     if instance.surface.lamps_elsewhere {
         flags |= INSTANCE_LAMPS_ELSEWHERE;
     }
-    if let Some(roughness) = instance.surface.metal {
+    let followed = |roughness: &f32| {
+        instance.surface.lamps_elsewhere || *roughness >= LEAST_FOLLOWED_ROUGHNESS
+    };
+    if let Some(roughness) = instance.surface.metal.filter(followed) {
         flags |= INSTANCE_METAL | unorm_pack(roughness) << INSTANCE_ROUGHNESS_BIT;
     }
     if matrix.determinant() < 0.0 {

@@ -3,6 +3,7 @@
 use crate::arena::Arena;
 use crate::buffers::encoded;
 use crate::scene::{GeometryKey, SceneInstance, SurfaceKey, VoxelScene};
+use crate::surfaces::MeshSurface;
 use crate::types::{
     GpuVoxelCluster, GpuVoxelInstance, INSTANCE_LAMPS_ELSEWHERE, INSTANCE_METAL, INSTANCE_MIRRORED,
     INSTANCE_ROUGHNESS_BIT, INSTANCE_TWO_SIDED, ONE_SURFACE,
@@ -48,7 +49,7 @@ struct GeometryPart {
 }
 
 struct SurfacePart {
-    surface: Arc<crate::surfaces::MeshSurface>,
+    surface: Arc<MeshSurface>,
     first: u32,
 }
 
@@ -267,6 +268,23 @@ impl VoxelGeometry {
     }
 }
 
+/// What shaders read of a surface beside its colours.
+fn surface_flags(surface: &MeshSurface) -> u32 {
+    let mut flags = 0;
+    if surface.two_sided {
+        flags |= INSTANCE_TWO_SIDED;
+    }
+    if surface.lamps_elsewhere {
+        flags |= INSTANCE_LAMPS_ELSEWHERE;
+    }
+    let followed =
+        |roughness: &f32| surface.lamps_elsewhere || *roughness >= LEAST_FOLLOWED_ROUGHNESS;
+    if let Some(roughness) = surface.metal.filter(followed) {
+        flags |= INSTANCE_METAL | unorm_pack(roughness) << INSTANCE_ROUGHNESS_BIT;
+    }
+    flags
+}
+
 /// An instance as shaders read it.
 fn gpu_instance(
     instance: &SceneInstance,
@@ -288,19 +306,7 @@ fn gpu_instance(
         .first()
         .copied()
         .unwrap_or_default();
-    let mut flags = 0;
-    if instance.surface.two_sided {
-        flags |= INSTANCE_TWO_SIDED;
-    }
-    if instance.surface.lamps_elsewhere {
-        flags |= INSTANCE_LAMPS_ELSEWHERE;
-    }
-    let followed = |roughness: &f32| {
-        instance.surface.lamps_elsewhere || *roughness >= LEAST_FOLLOWED_ROUGHNESS
-    };
-    if let Some(roughness) = instance.surface.metal.filter(followed) {
-        flags |= INSTANCE_METAL | unorm_pack(roughness) << INSTANCE_ROUGHNESS_BIT;
-    }
+    let mut flags = surface_flags(&instance.surface);
     if matrix.determinant() < 0.0 {
         flags |= INSTANCE_MIRRORED;
     }
@@ -319,5 +325,31 @@ fn gpu_instance(
         flags,
         high: turned.high + offset,
         first_triangle: part.first_triangle,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At the edges of smooth metal cones met lamps by way of its spread normals, one in thousands.
+    #[test]
+    fn smooth_metal_is_followed_where_lamps_are_drawn_elsewhere_only() {
+        let surface = |metal, lamps_elsewhere| MeshSurface {
+            entries: Vec::new(),
+            two_sided: false,
+            emissive: false,
+            lamps_elsewhere,
+            metal,
+            images: Vec::new(),
+        };
+        let is_metal =
+            |metal, elsewhere| surface_flags(&surface(metal, elsewhere)) & INSTANCE_METAL != 0;
+        assert!(!is_metal(Some(0.2), false));
+        assert!(is_metal(Some(0.2), true));
+        assert!(is_metal(Some(0.5), false));
+        assert!(!is_metal(None, true));
+        let constant = format!("const LEAST_FOLLOWED_ROUGHNESS: f32 = {LEAST_FOLLOWED_ROUGHNESS};");
+        assert!(include_str!("trace.wgsl").contains(&constant));
     }
 }

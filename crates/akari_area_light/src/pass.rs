@@ -5,14 +5,11 @@ use crate::prepare::{AreaLightsReady, ViewAreaLights};
 use crate::shadows::prepare::ViewReceivers;
 use crate::soft::{SoftLightsGroup, soft_group};
 use akari_render::capture::{Light, ViewCapture};
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{
-    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-    RenderPassDescriptor, StoreOp,
-};
+use bevy::render::render_resource::{PipelineCache, RenderPassDescriptor};
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
 
@@ -35,8 +32,6 @@ pub fn area_light_cull(
     let Some(pipeline) = cache.get_compute_pipeline(pipelines.cull) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     encoder.clear_buffer(&lights.counters, 0, None);
     encoder.clear_buffer(
@@ -44,17 +39,11 @@ pub fn area_light_cull(
         INSTANCE_COUNT_OFFSET,
         Some(INSTANCE_COUNT_BYTES),
     );
-    let span = diagnostics.time_span(encoder, CULL_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(CULL_LABEL),
-            timestamp_writes: None,
-        });
+    gpu::compute(&mut ctx, CULL_LABEL, |pass| {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, group, &[view_offset.offset]);
         pass.dispatch_workgroups(lights.tiles.x, lights.tiles.y, 1);
-    }
-    span.end(encoder);
+    });
     ledger.count_dispatch(CULL_LABEL, [lights.tiles.x, lights.tiles.y, 1]);
 }
 
@@ -80,31 +69,21 @@ pub fn area_light_shade(
     let Some(pipeline) = cache.get_render_pipeline(lights.shade) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some(SHADE_LABEL),
-        color_attachments: &[Some(target.get_unsampled_color_attachment())],
-        ..default()
+    gpu::draw_on_picture(&mut ctx, SHADE_LABEL, target, camera, |pass| {
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[view_offset.offset]);
+        if let (true, Some(shadows)) = (
+            lights.shadows,
+            receivers.and_then(|receivers| receivers.shade_group.as_ref()),
+        ) {
+            pass.set_bind_group(1, shadows, &[]);
+        }
+        if let (true, Some(soft)) = (lights.soft, soft) {
+            pass.set_bind_group(soft_group(lights.shadows) as usize, &soft.0, &[]);
+        }
+        pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
+        pass.draw_indirect(&lights.draw, 0);
     });
-    let span = diagnostics.pass_span(&mut pass, SHADE_LABEL);
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[view_offset.offset]);
-    if let (true, Some(shadows)) = (
-        lights.shadows,
-        receivers.and_then(|receivers| receivers.shade_group.as_ref()),
-    ) {
-        pass.set_bind_group(1, shadows, &[]);
-    }
-    if let (true, Some(soft)) = (lights.soft, soft) {
-        pass.set_bind_group(soft_group(lights.shadows) as usize, &soft.0, &[]);
-    }
-    pass.set_vertex_buffer(0, lights.lit_tiles.slice(..));
-    pass.draw_indirect(&lights.draw, 0);
-    span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);
 }
 
@@ -136,15 +115,7 @@ pub fn area_light_capture(
     };
     let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some("akari_area_light_capture"),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: Operations {
-                load: LoadOp::Clear(LinearRgba::NONE.into()),
-                store: StoreOp::Store,
-            },
-        })],
+        color_attachments: &[Some(gpu::cleared(target))],
         ..default()
     });
     if let Some(viewport) = &camera.viewport {

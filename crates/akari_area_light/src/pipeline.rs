@@ -3,6 +3,7 @@
 use crate::shadows::pipeline::shade_shadow_layout;
 use crate::soft::{SoftKey, soft_group, soft_layout};
 use crate::types::{GpuAreaLight, GpuAreaLightView};
+use akari_render::gpu;
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::mesh::VertexBufferLayout;
 use bevy::pbr::MeshPipelineKey;
@@ -46,11 +47,6 @@ pub struct AreaLightPipelines {
 
 /// Bytes of the arguments of the shading pass's draw.
 pub const DRAW_BYTES: u64 = 16;
-
-/// Bytes of the LTC table on the GPU.
-pub fn ltc_table_bytes() -> u64 {
-    akari_math::ltc::table::TABLE_BYTES.len() as u64
-}
 
 impl AreaLightPipelines {
     /// Creates them and queues the culling pipeline.
@@ -131,13 +127,8 @@ impl AreaLightPipelines {
             shade_layout,
             shade_textured_layout,
             cull,
-            ltc_table: upload_ltc_table(device, queue),
-            table_sampler: device.create_sampler(&SamplerDescriptor {
-                label: Some("akari_area_light_table_sampler"),
-                mag_filter: FilterMode::Linear,
-                min_filter: FilterMode::Linear,
-                ..default()
-            }),
+            ltc_table: gpu::ltc_table(device, queue, "akari_area_light_ltc_table"),
+            table_sampler: gpu::linear_sampler(device, "akari_area_light_table_sampler"),
             image_sampler: device.create_sampler(&SamplerDescriptor {
                 label: Some("akari_area_light_image_sampler"),
                 mag_filter: FilterMode::Linear,
@@ -148,35 +139,6 @@ impl AreaLightPipelines {
             shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
         }
     }
-}
-
-/// The fitted table as a texture array of two layers.
-fn upload_ltc_table(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
-    use akari_math::ltc::table::{SIZE, TABLE_BYTES};
-    let size = SIZE as u32;
-    let texture = device.create_texture_with_data(
-        queue,
-        &TextureDescriptor {
-            label: Some("akari_area_light_ltc_table"),
-            size: Extent3d {
-                width: size,
-                height: size,
-                depth_or_array_layers: 2,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format: TextureFormat::Rgba16Float,
-            usage: TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        },
-        TextureDataOrder::LayerMajor,
-        TABLE_BYTES,
-    );
-    texture.create_view(&TextureViewDescriptor {
-        dimension: Some(TextureViewDimension::D2Array),
-        ..default()
-    })
 }
 
 /// What makes one shading pipeline differ from another.
@@ -200,11 +162,6 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
     type Key = ShadeKey;
 
     fn specialize(&self, key: ShadeKey) -> RenderPipelineDescriptor {
-        let add = BlendComponent {
-            src_factor: BlendFactor::One,
-            dst_factor: BlendFactor::One,
-            operation: BlendOperation::Add,
-        };
         let mut layout = vec![self.shade_layout.clone()];
         let mut shader_defs = Vec::new();
         if key.textured {
@@ -243,14 +200,7 @@ impl SpecializedRenderPipeline for AreaLightPipelines {
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),
                 shader_defs,
-                targets: vec![Some(ColorTargetState {
-                    format: key.target_format,
-                    blend: key.blend.then_some(BlendState {
-                        color: add,
-                        alpha: add,
-                    }),
-                    write_mask: ColorWrites::COLOR,
-                })],
+                targets: vec![Some(gpu::light_target(key.target_format, key.blend))],
                 ..default()
             }),
             ..default()

@@ -4,9 +4,7 @@ use crate::EFFECT;
 use crate::extract::{ExtractedAreaLights, ViewAreaLighting};
 use crate::gpu_lights::{LightArrays, build_light_arrays};
 use crate::images::LightImages;
-use crate::pipeline::{
-    AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights, ltc_table_bytes,
-};
+use crate::pipeline::{AreaLightPipelines, ShadeKey, deferred_lighting_without_rect_lights};
 use crate::shadows::extract::{ExtractedReceivers, ViewAreaShadows};
 use crate::shadows::prepare::ViewReceivers;
 use crate::soft::SoftKey;
@@ -14,6 +12,7 @@ use crate::types::{
     COUNTER_NAMES, GpuAreaLight, GpuAreaLightView, LIGHTS_PER_WORD, TILE_CORNERS, TILE_SIZE,
 };
 use akari_render::capture::{LIGHT_FORMAT, ViewCapture};
+use akari_render::gpu::LTC_TABLE_BYTES;
 use akari_render::prelude::*;
 use akari_render::soft_shadows::ViewSoftShadows;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -131,7 +130,7 @@ pub fn prepare_area_light_pipelines(
     commands.insert_resource(AreaLightPipelines::new(&device, &queue, &cache, &assets));
     commands.init_resource::<SpecializedRenderPipelines<AreaLightPipelines>>();
     commands.init_resource::<AreaLightBuffers>();
-    ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
+    ledger.set_bytes(EFFECT, "LTC table", LTC_TABLE_BYTES);
 }
 
 /// Uploads the lights that changed, and the masks and uniforms of each view.

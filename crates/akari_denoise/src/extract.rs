@@ -1,7 +1,8 @@
 //! Cameras with signals → the render world.
 
 use crate::input::{DenoiseInput, DenoiseOutput};
-use crate::prepare::{DenoiseState, PreviousCamera, ViewDenoisePasses};
+use crate::plan::ViewDenoisePasses;
+use crate::prepare::{DenoiseState, PreviousCamera};
 use crate::settings::{DefaultDenoise, Denoise};
 use crate::targets::DenoiseTargets;
 use akari_render::signals::{MakesSignals, ResampleList, SAMPLE_DEVIATION, ViewSignals};

@@ -59,6 +59,7 @@ pub mod extract;
 pub mod input;
 pub mod pass;
 pub mod pipeline;
+pub mod plan;
 pub mod prepare;
 pub mod screen_space_reflections;
 pub mod settings;
@@ -129,7 +130,7 @@ impl Plugin for DenoisePlugin {
                     extract::prepare_input_signals.in_set(RenderSystems::PrepareResources),
                     (
                         prepare::prepare_denoise_targets,
-                        prepare::prepare_denoise_passes,
+                        plan::prepare_denoise_passes,
                     )
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),

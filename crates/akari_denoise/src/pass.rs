@@ -1,16 +1,16 @@
-//! Runs the passes that `prepare` has listed.
+//! Runs the passes that `plan` has listed.
 
-use crate::prepare::{PreparedPass, ViewDenoisePasses, Work};
+use crate::plan::{PreparedPass, ViewDenoisePasses, Work};
 use crate::types::WORKGROUP;
+use akari_render::gpu;
 use akari_render::guides::ViewGuides;
 use akari_render::ledger::GpuLedger;
 use akari_render::tiles::ViewTiles;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    BindGroup, CachedComputePipelineId, ComputePassDescriptor, LoadOp, Operations, PipelineCache,
-    RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
+    BindGroup, CachedComputePipelineId, CachedRenderPipelineId, PipelineCache,
+    RenderPassColorAttachment,
 };
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
@@ -112,15 +112,7 @@ impl Frame<'_> {
         let done = match &prepared.work {
             Work::Draw(pipeline, image) => {
                 let color = match image {
-                    Some(view) => RenderPassColorAttachment {
-                        view,
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: Operations {
-                            load: LoadOp::Clear(LinearRgba::NONE.into()),
-                            store: StoreOp::Store,
-                        },
-                    },
+                    Some(view) => gpu::cleared(view),
                     None => self.target.get_unsampled_color_attachment(),
                 };
                 self.draw(prepared, *pipeline, color, image.is_none(), cache, ctx)
@@ -154,15 +146,7 @@ impl Frame<'_> {
         let Some(pipeline) = cache.get_compute_pipeline(pipeline) else {
             return false;
         };
-        let diagnostics = ctx.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
-        let encoder = ctx.command_encoder();
-        let span = diagnostics.time_span(encoder, prepared.label);
-        {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-                label: Some(prepared.label),
-                timestamp_writes: None,
-            });
+        gpu::compute(ctx, prepared.label, |pass| {
             pass.set_pipeline(pipeline);
             if let Work::Single(_) = prepared.work {
                 pass.set_bind_group(0, &prepared.group, &[]);
@@ -172,22 +156,21 @@ impl Frame<'_> {
                 pass.set_bind_group(1, &prepared.group, &[]);
                 match &prepared.work {
                     Work::Listed(_, arguments) => pass.dispatch_workgroups_indirect(arguments, 0),
-                    Work::Tiles(_, kind) => self.tiles.dispatch(&mut pass, *kind, 1),
+                    Work::Tiles(_, kind) => self.tiles.dispatch(pass, *kind, 1),
                     _ => {
                         let groups = self.size.map(|pixels| pixels.div_ceil(WORKGROUP));
                         pass.dispatch_workgroups(groups.x, groups.y, 1);
                     }
                 }
             }
-        }
-        span.end(encoder);
+        });
         true
     }
 
     fn draw(
         &self,
         prepared: &PreparedPass,
-        pipeline: bevy::render::render_resource::CachedRenderPipelineId,
+        pipeline: CachedRenderPipelineId,
         color: RenderPassColorAttachment,
         into_picture: bool,
         cache: &PipelineCache,
@@ -196,22 +179,15 @@ impl Frame<'_> {
         let Some(pipeline) = cache.get_render_pipeline(pipeline) else {
             return false;
         };
-        let diagnostics = ctx.diagnostic_recorder();
-        let diagnostics = diagnostics.as_deref();
-        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some(prepared.label),
-            color_attachments: &[Some(color)],
-            ..default()
+        gpu::draw_on(ctx, prepared.label, color, |pass| {
+            if let (true, Some(viewport)) = (into_picture, &self.camera.viewport) {
+                pass.set_camera_viewport(viewport);
+            }
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(0, self.guides, &[self.view_offset]);
+            pass.set_bind_group(1, &prepared.group, &[]);
+            pass.draw(0..3, 0..1);
         });
-        let span = diagnostics.pass_span(&mut pass, prepared.label);
-        if let (true, Some(viewport)) = (into_picture, &self.camera.viewport) {
-            pass.set_camera_viewport(viewport);
-        }
-        pass.set_render_pipeline(pipeline);
-        pass.set_bind_group(0, self.guides, &[self.view_offset]);
-        pass.set_bind_group(1, &prepared.group, &[]);
-        pass.draw(0..3, 0..1);
-        span.end(&mut pass);
         true
     }
 }

@@ -1,5 +1,6 @@
 //! Shaders and pipelines, queued when a view first needs them. Nothing here exists before.
 
+use akari_render::gpu;
 use bevy::asset::{AssetServer, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::platform::collections::HashMap;
@@ -138,11 +139,6 @@ impl DenoisePipelines {
         let shader = self.shaders[&key.pass].clone();
         let vertex = self.vertex.clone();
         *self.render.entry(key).or_insert_with_key(|key| {
-            let add = BlendComponent {
-                src_factor: BlendFactor::One,
-                dst_factor: BlendFactor::One,
-                operation: BlendOperation::Add,
-            };
             cache.queue_render_pipeline(RenderPipelineDescriptor {
                 label: Some(key.pass.label().into()),
                 layout,
@@ -150,14 +146,9 @@ impl DenoisePipelines {
                 fragment: Some(FragmentState {
                     shader,
                     shader_defs: key.shader_defs.clone(),
-                    targets: vec![key.target.map(|(format, blend)| ColorTargetState {
-                        format,
-                        blend: blend.then_some(BlendState {
-                            color: add,
-                            alpha: add,
-                        }),
-                        write_mask: ColorWrites::COLOR,
-                    })],
+                    targets: vec![
+                        (key.target).map(|(format, blend)| gpu::light_target(format, blend)),
+                    ],
                     ..default()
                 }),
                 ..default()

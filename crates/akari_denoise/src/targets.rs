@@ -2,12 +2,11 @@
 
 use crate::EFFECT;
 use crate::types::{DIFFUSE_BIT, SPECULAR_BIT};
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
-use bevy::image::ToExtents;
 use bevy::prelude::*;
 use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, TextureDescriptor, TextureDimension, TextureFormat,
-    TextureUsages, TextureView, TextureViewDescriptor,
+    Buffer, BufferDescriptor, BufferUsages, TextureFormat, TextureView,
 };
 use bevy::render::renderer::RenderDevice;
 
@@ -88,20 +87,7 @@ impl DenoiseTargets {
     ) -> Self {
         let pixels = u64::from(shape.size.x) * u64::from(shape.size.y);
         let mut held = [0_u64; 5];
-        let texture = |label: &'static str, format: TextureFormat| {
-            device
-                .create_texture(&TextureDescriptor {
-                    label: Some(label),
-                    size: shape.size.to_extents(),
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: TextureDimension::D2,
-                    format,
-                    usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING,
-                    view_formats: &[],
-                })
-                .create_view(&TextureViewDescriptor::default())
-        };
+        let texture = |label, format| gpu::storage_texture(device, label, shape.size, format);
         // The second estimate holds the history and, after it was read, the guide.
         let slots = if shape.history || shape.guide { 2 } else { 1 };
         let estimates = [SPECULAR_BIT, DIFFUSE_BIT].map(|bit| {

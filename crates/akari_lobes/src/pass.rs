@@ -2,13 +2,13 @@
 
 use crate::pipeline::{BUILD_LABEL, CLASSIFY_LABEL, FILTER_ROUGHNESS_LABEL, STORE_ROUGHNESS_LABEL};
 use crate::prepare::ViewLobesPasses;
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    BindGroup, CachedComputePipelineId, ComputePassDescriptor, LoadOp, Operations, PipelineCache,
-    RenderPassColorAttachment, RenderPassDescriptor, StoreOp,
+    BindGroup, CachedComputePipelineId, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, StoreOp,
 };
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::ViewUniformOffset;
@@ -35,42 +35,29 @@ pub fn filter_roughness(
     ) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, FILTER_ROUGHNESS_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(FILTER_ROUGHNESS_LABEL),
-            timestamp_writes: None,
-        });
+    let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+    gpu::compute(&mut ctx, FILTER_ROUGHNESS_LABEL, |pass| {
         pass.set_pipeline(filter);
         pass.set_bind_group(0, filter_group, &[]);
-        let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
         pass.dispatch_workgroups(groups.x, groups.y, 1);
-    }
-    span.end(encoder);
-    let groups = passes.size.map(|pixels| pixels.div_ceil(WORKGROUP));
+    });
     ledger.count_dispatch(FILTER_ROUGHNESS_LABEL, [groups.x, groups.y, 1]);
 
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some(STORE_ROUGHNESS_LABEL),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: gbuffer,
-            depth_slice: None,
-            resolve_target: None,
-            ops: Operations {
-                load: LoadOp::Load,
-                store: StoreOp::Store,
-            },
-        })],
-        ..default()
+    let attachment = RenderPassColorAttachment {
+        view: gbuffer,
+        depth_slice: None,
+        resolve_target: None,
+        // Only the words of pixels whose roughness changes are written.
+        ops: Operations {
+            load: LoadOp::Load,
+            store: StoreOp::Store,
+        },
+    };
+    gpu::draw_on(&mut ctx, STORE_ROUGHNESS_LABEL, attachment, |pass| {
+        pass.set_render_pipeline(store);
+        pass.set_bind_group(0, store_group, &[]);
+        pass.draw(0..3, 0..1);
     });
-    let span = diagnostics.pass_span(&mut pass, STORE_ROUGHNESS_LABEL);
-    pass.set_render_pipeline(store);
-    pass.set_bind_group(0, store_group, &[]);
-    pass.draw(0..3, 0..1);
-    span.end(&mut pass);
     ledger.count_pass(STORE_ROUGHNESS_LABEL);
 }
 
@@ -130,21 +117,12 @@ fn over_pixels(
     let Some(pipeline) = cache.get_compute_pipeline(*pipeline) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, label);
     let groups = size.map(|pixels| pixels.div_ceil(WORKGROUP));
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(label),
-            timestamp_writes: None,
-        });
+    gpu::compute(ctx, label, |pass| {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, guides, &[view_offset.offset]);
         pass.set_bind_group(1, target, &[]);
         pass.dispatch_workgroups(groups.x, groups.y, 1);
-    }
-    span.end(encoder);
+    });
     ledger.count_dispatch(label, [groups.x, groups.y, 1]);
 }

@@ -10,6 +10,7 @@
 //! | [`quality`] | [`Quality`](quality::Quality), [`Knob`](quality::Knob), [`Knobs`](quality::Knobs): every setting with its range |
 //! | [`ledger`] | [`GpuLedger`](ledger::GpuLedger): passes run and GPU bytes held, by effect |
 //! | [`faults`] | counts of pixels that are no numbers, by pass: for debugging |
+//! | [`gpu`] | what passes of several effects make in the same way |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
 //! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
 //! | [`soft_shadows`] | shadows of area lights that are found in each frame, for the effect that draws the lights |
@@ -28,6 +29,7 @@ mod deferred;
 pub mod demand;
 pub mod emission;
 pub mod faults;
+pub mod gpu;
 pub mod guides;
 pub mod ledger;
 pub mod quality;

@@ -7,6 +7,7 @@ use crate::lighting::{
 };
 use crate::settings::VoxelGi;
 use crate::sky::{Sky, SkyBindings, VoxelInteriors, has_map};
+use akari_render::gpu;
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use akari_render::signals::ViewSignals;
@@ -17,7 +18,6 @@ use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{texture_storage_2d, uniform_buffer};
 use bevy::render::render_resource::*;
@@ -217,24 +217,7 @@ pub fn prepare_signals(
             .is_some_and(|kept| kept.texels == texels && kept.specular.is_some() == view.specular);
         let mut fresh = None;
         if !fits {
-            let texture = |label, format| {
-                device
-                    .create_texture(&TextureDescriptor {
-                        label: Some(label),
-                        size: Extent3d {
-                            width: texels.x,
-                            height: texels.y,
-                            depth_or_array_layers: 1,
-                        },
-                        mip_level_count: 1,
-                        sample_count: 1,
-                        dimension: TextureDimension::D2,
-                        format,
-                        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
-                        view_formats: &[],
-                    })
-                    .create_view(&TextureViewDescriptor::default())
-            };
+            let texture = |label, format| gpu::storage_texture(&device, label, texels, format);
             let texel_bytes = if view.specular { 20 } else { 8 };
             ledger.set_bytes(
                 EFFECT,
@@ -288,12 +271,7 @@ fn view_layout(specular: bool) -> BindGroupLayoutDescriptor {
     if specular {
         entries.extend([store(RADIANCE_FORMAT), store(HIT_DISTANCE_FORMAT)]);
     }
-    let entries: Vec<BindGroupLayoutEntry> = entries
-        .into_iter()
-        .enumerate()
-        .map(|(binding, entry)| entry.build(binding as u32, ShaderStages::COMPUTE))
-        .collect();
-    BindGroupLayoutDescriptor::new(CONES_LABEL, &entries)
+    gpu::compute_layout(CONES_LABEL, entries)
 }
 
 /// Writes uniforms and binds.
@@ -419,23 +397,14 @@ pub fn trace_cones(
         return;
     };
     debug_assert!(prepared.uniform.buffer().is_some());
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, CONES_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(CONES_LABEL),
-            timestamp_writes: None,
-        });
+    gpu::compute(&mut ctx, CONES_LABEL, |pass| {
         for (pipeline, kind) in ready {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, guide_group, &[offset.offset]);
             pass.set_bind_group(VOXEL_GROUP, &prepared.voxels, &[]);
             pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
-            tiles.dispatch(&mut pass, kind, prepared.scale);
+            tiles.dispatch(pass, kind, prepared.scale);
         }
-    }
-    span.end(encoder);
+    });
     ledger.count_pass(CONES_LABEL);
 }

@@ -4,6 +4,7 @@ use crate::buffers::VoxelBuffers;
 use crate::cones::{ConeTargets, ViewVoxelGi};
 use crate::lighting::{REACH, Traced, VOXEL_GROUP, trace_definitions, voxel_group, voxel_layout};
 use crate::sky::{Sky, SkyBindings, VoxelInteriors};
+use akari_render::gpu;
 use akari_render::guides::ViewGuides;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
@@ -12,7 +13,6 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::uniform_buffer;
 use bevy::render::render_resource::*;
@@ -296,23 +296,13 @@ pub fn draw_debug_view(
     else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some(DEBUG_LABEL),
-        color_attachments: &[Some(target.get_unsampled_color_attachment())],
-        ..default()
+    gpu::draw_on_picture(&mut ctx, DEBUG_LABEL, target, camera, |pass| {
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, guide_group, &[offset.offset]);
+        pass.set_bind_group(VOXEL_GROUP as usize, &prepared.voxels, &[]);
+        pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
+        pass.draw(0..3, 0..1);
     });
-    let span = diagnostics.pass_span(&mut pass, DEBUG_LABEL);
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, guide_group, &[offset.offset]);
-    pass.set_bind_group(VOXEL_GROUP as usize, &prepared.voxels, &[]);
-    pass.set_bind_group(VIEW_GROUP, &prepared.group, &[]);
-    pass.draw(0..3, 0..1);
-    span.end(&mut pass);
     ledger.count_pass(DEBUG_LABEL);
 }
 

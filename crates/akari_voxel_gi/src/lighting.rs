@@ -11,11 +11,11 @@ use crate::sky::{GpuVoxelSurroundings, MirroredLights, Sky, SkyBindings, VoxelIn
 use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
 use akari_math::voxel::schedule::WHOLE_TURN;
 use akari_render::area_lights::AreaLightPolygons;
+use akari_render::gpu;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
 use bevy::math::Affine3A;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
     sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_cube, uniform_buffer,
@@ -493,23 +493,15 @@ pub fn light_voxels(
     ) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
-    encoder.clear_buffer(&groups.pool, u64::from(POOL_LIT) * 4, Some(8));
+    ctx.command_encoder()
+        .clear_buffer(&groups.pool, u64::from(POOL_LIT) * 4, Some(8));
     let mut run = |label, pipeline, first: &BindGroup, voxels: &BindGroup| {
-        let span = diagnostics.time_span(encoder, label);
-        {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-                label: Some(label),
-                timestamp_writes: None,
-            });
+        gpu::compute(&mut ctx, label, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, first, &[]);
             pass.set_bind_group(VOXEL_GROUP, voxels, &[]);
             pass.dispatch_workgroups(groups.pages, 1, 1);
-        }
-        span.end(encoder);
+        });
         ledger.count_pass(label);
     };
     run(INJECT_LABEL, inject, &groups.inject, &groups.inject_voxels);

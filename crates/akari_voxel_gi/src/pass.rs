@@ -3,10 +3,10 @@
 use crate::pipeline::{MIPS_LABEL, RELEASE_LABEL, VOXELIZE_LABEL, VoxelizePipelines};
 use crate::prepare::{FrameCommands, VoxelFrame};
 use crate::types::POOL_FREE;
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache};
+use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderContext;
 
 /// Invocations of a workgroup of the release.
@@ -30,18 +30,11 @@ pub fn voxelize(
     let Some(ready) = pipelines.ready(&cache) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
     // The counters of the frame; the words behind them are a state.
-    encoder.clear_buffer(&commands.pool, 0, Some(u64::from(POOL_FREE) * 4));
-    let compute = |label| ComputePassDescriptor {
-        label: Some(label),
-        timestamp_writes: None,
-    };
-    let span = diagnostics.time_span(encoder, RELEASE_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&compute(RELEASE_LABEL));
+    let counters = Some(u64::from(POOL_FREE) * 4);
+    ctx.command_encoder()
+        .clear_buffer(&commands.pool, 0, counters);
+    gpu::compute(&mut ctx, RELEASE_LABEL, |pass| {
         pass.set_bind_group(0, &commands.store, &[FrameCommands::job_offset(0)]);
         pass.set_bind_group(1, &commands.release, &[]);
         if commands.released > 0 {
@@ -52,25 +45,19 @@ pub fn voxelize(
         pass.dispatch_workgroups(commands.pages.div_ceil(RELEASE_WORKGROUP), 1, 1);
         pass.set_pipeline(ready.count);
         pass.dispatch_workgroups(1, 1, 1);
-    }
-    span.end(encoder);
+    });
     ledger.count_pass(RELEASE_LABEL);
     if commands.made > 0 {
-        let span = diagnostics.time_span(encoder, VOXELIZE_LABEL);
-        {
-            let mut pass = encoder.begin_compute_pass(&compute(VOXELIZE_LABEL));
+        gpu::compute(&mut ctx, VOXELIZE_LABEL, |pass| {
             pass.set_pipeline(ready.voxelize);
             pass.set_bind_group(0, &commands.store, &[FrameCommands::job_offset(1)]);
             pass.set_bind_group(1, &commands.scene, &[]);
             pass.dispatch_workgroups(commands.made, 1, 1);
-        }
-        span.end(encoder);
+        });
         ledger.count_pass(VOXELIZE_LABEL);
     }
     if commands.tails.iter().any(|count| *count > 0) {
-        let span = diagnostics.time_span(encoder, MIPS_LABEL);
-        {
-            let mut pass = encoder.begin_compute_pass(&compute(MIPS_LABEL));
+        gpu::compute(&mut ctx, MIPS_LABEL, |pass| {
             pass.set_pipeline(ready.downsample);
             // Each tail is made of the one before: dispatches of a pass see what those before them wrote.
             for (tail, count) in commands.tails.iter().enumerate() {
@@ -80,8 +67,7 @@ pub fn voxelize(
                     pass.dispatch_workgroups(*count, 1, 1);
                 }
             }
-        }
-        span.end(encoder);
+        });
         ledger.count_pass(MIPS_LABEL);
     }
 }

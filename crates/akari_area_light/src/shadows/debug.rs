@@ -9,6 +9,7 @@ use super::types::GpuShadowDebug;
 use crate::prepare::{AreaLightBuffers, AreaLightsReady, ViewAreaLights};
 use crate::types::GpuAreaLight;
 use akari_render::demand::EffectSystems;
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
@@ -17,7 +18,6 @@ use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_depth_2d, uniform_buffer,
 };
@@ -315,21 +315,11 @@ fn draw_debug_view(
     let Some(pipeline) = cache.get_render_pipeline(debug.pipeline) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some(DEBUG_LABEL),
-        color_attachments: &[Some(target.get_unsampled_color_attachment())],
-        ..default()
+    gpu::draw_on_picture(&mut ctx, DEBUG_LABEL, target, camera, |pass| {
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, &debug.group, &[view_offset.offset]);
+        pass.set_bind_group(1, shadows, &[]);
+        pass.draw(0..3, 0..1);
     });
-    let span = diagnostics.pass_span(&mut pass, DEBUG_LABEL);
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, &debug.group, &[view_offset.offset]);
-    pass.set_bind_group(1, shadows, &[]);
-    pass.draw(0..3, 0..1);
-    span.end(&mut pass);
     ledger.count_pass(DEBUG_LABEL);
 }

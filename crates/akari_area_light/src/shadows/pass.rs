@@ -4,14 +4,11 @@ use super::pipeline::{RATIOS_LABEL, RECEIVERS_LABEL, ShadowPipelines};
 use super::prepare::{ShadowBuffers, ViewReceivers};
 use super::types::RATIO_WORKGROUP;
 use crate::prepare::{AreaLightsReady, ViewAreaLights};
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
-use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{
-    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
-    RenderPassDescriptor, StoreOp,
-};
+use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::ViewUniformOffset;
 
@@ -46,15 +43,7 @@ pub fn shadow_ratios(
     if moved == 0 {
         return;
     }
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, RATIOS_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(RATIOS_LABEL),
-            timestamp_writes: None,
-        });
+    gpu::compute(&mut ctx, RATIOS_LABEL, |pass| {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, group, &[]);
         pass.set_bind_group(1, trees, &[]);
@@ -63,8 +52,7 @@ pub fn shadow_ratios(
             .div_ceil(RATIO_WORKGROUP)
             .min(MOST_WORKGROUPS);
         pass.dispatch_workgroups(workgroups, moved.min(MOST_WORKGROUPS), 1);
-    }
-    span.end(encoder);
+    });
     ledger.count_pass(RATIOS_LABEL);
 }
 
@@ -91,28 +79,18 @@ pub fn draw_receivers(
     let Some(pipeline) = cache.get_render_pipeline(pipelines.receivers) else {
         return;
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some(RECEIVERS_LABEL),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: &receivers.target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: Operations {
-                load: LoadOp::Clear(LinearRgba::NONE.into()),
-                store: StoreOp::Store,
-            },
-        })],
-        ..default()
-    });
-    let span = diagnostics.pass_span(&mut pass, RECEIVERS_LABEL);
-    if let Some(viewport) = &camera.viewport {
-        pass.set_camera_viewport(viewport);
-    }
-    pass.set_render_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[view_offset.offset]);
-    pass.draw(0..3 * buffers.receiver_count, 0..1);
-    span.end(&mut pass);
+    gpu::draw_on(
+        &mut ctx,
+        RECEIVERS_LABEL,
+        gpu::cleared(&receivers.target),
+        |pass| {
+            if let Some(viewport) = &camera.viewport {
+                pass.set_camera_viewport(viewport);
+            }
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[view_offset.offset]);
+            pass.draw(0..3 * buffers.receiver_count, 0..1);
+        },
+    );
     ledger.count_pass(RECEIVERS_LABEL);
 }

@@ -187,6 +187,43 @@ fn beaten(standings: &[Standing]) -> Vec<String> {
     beaten
 }
 
+/// What the presets of each effect cost and how wrong they are, on each scene, as Markdown: the README has it.
+///
+/// Times are over that of `high`, since ratios carry over to other devices further than milliseconds; errors are without
+/// what is the reference's own noise.
+pub fn preset_table(report: &Report) -> String {
+    let names = Quality::ALL.map(preset_name);
+    let mut text = format!(
+        "| effect | scene | {} |\n|---|---|{}\n",
+        names.join(" | "),
+        "---|".repeat(names.len())
+    );
+    for curve in &report.curves {
+        let of_preset =
+            |name: &str| (curve.points.iter()).find(|point| point.preset.as_deref() == Some(name));
+        let Some(high) = of_preset(preset_name(Quality::High)) else {
+            continue;
+        };
+        let cells = names.map(|name| {
+            of_preset(name).map_or_else(String::new, |point| {
+                format!(
+                    "{:.2} × time, {:.1} %",
+                    point.cost_ms() / high.cost_ms(),
+                    100.0 * curve.reference.own_error(point.error.rel_rmse)
+                )
+            })
+        });
+        let _ = writeln!(
+            text,
+            "| `{}` | `{}` | {} |",
+            curve.effect,
+            curve.scene,
+            cells.join(" | ")
+        );
+    }
+    text
+}
+
 /// The answer to "I have so many milliseconds: which setting, and how wrong is it?", as Markdown.
 pub fn cost_table(report: &Report) -> String {
     let device = &report.device;
@@ -311,6 +348,21 @@ mod tests {
             standings.push(slow);
             assert!(beaten(&standings).iter().any(|text| text.contains("slow")));
         }
+    }
+
+    #[test]
+    fn the_readme_has_the_presets_as_they_were_measured() {
+        let readme = include_str!("../../../../README.md");
+        let report = committed();
+        let table = preset_table(&report);
+        assert!(
+            readme.contains(&table),
+            "put this into the README:\n{table}"
+        );
+        // Other figures than those of the report are told.
+        let mut other = report;
+        other.curves[0].points[0].error.rel_rmse += 1.0;
+        assert!(!readme.contains(&preset_table(&other)));
     }
 
     #[test]

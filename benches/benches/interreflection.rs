@@ -37,6 +37,8 @@ const METAL: Material = Material::Metal(0.3);
 /// Squares along a side of the wall: 98 and 10,082 triangles.
 const FEW: u32 = 7;
 const MANY: u32 = 71;
+/// The same of presets and of shadow rays: 968 triangles.
+const PRESET_ROWS: u32 = 22;
 
 /// What the wall adds, and the time of the pass in ms.
 fn measure(
@@ -103,8 +105,7 @@ fn tiers(corner: &mut Corner, series: &mut Vec<Series>) -> String {
 fn presets(corner: &mut Corner, series: &mut Vec<Series>) -> String {
     let mut rows =
         String::from("| | ms | relative RMSE | largest error over the mean |\n|---|---|---|---|\n");
-    const ROWS: u32 = 22;
-    corner.build(wall(ROWS, BEND), METAL);
+    corner.build(wall(PRESET_ROWS, BEND), METAL);
     let plain = corner.plain();
     let (truth, time) = measure(corner, triangles_as_patches(BEST, 0.0), &plain, FRAMES);
     let _ = writeln!(rows, "| all triangles, 8 nodes | {time:.1} | | |");
@@ -193,6 +194,28 @@ fn clusters(corner: &mut Corner) -> String {
     rows
 }
 
+/// Rays that look what reflectors hide of each other, and nothing else changed.
+fn shadow_rays(corner: &mut Corner) -> String {
+    let mut rows = String::from("| rays | ms | times none |\n|---|---|---|\n");
+    corner.build(wall(PRESET_ROWS, BEND), METAL);
+    let plain = corner.plain();
+    let high = AkariSettings::preset(Quality::High).interreflection;
+    let mut none = f64::INFINITY;
+    for shadow_rays in [0, 1, 3, 7] {
+        let settings = Interreflection {
+            shadow_rays,
+            ..triangles_as_patches(high.tier, high.cut)
+        };
+        let (_, time) = measure(corner, settings, &plain, FRAMES);
+        if shadow_rays == 0 {
+            none = time;
+        }
+        let _ = writeln!(rows, "| {shadow_rays} | {time:.1} | {:.2} |", time / none);
+        eprintln!("{}", rows.lines().last().unwrap_or_default());
+    }
+    rows
+}
+
 fn main() {
     let Some(mut corner) = Corner::new("interreflection", SIDE) else {
         return;
@@ -204,6 +227,7 @@ fn main() {
     let clusters = clusters(&mut corner);
     let tiers = tiers(&mut corner, &mut series);
     let presets = presets(&mut corner, &mut series);
+    let rays = shadow_rays(&mut corner);
     let high = AkariSettings::preset(Quality::High).interreflection;
     let text = format!(
         "# One bounce by triangles: error against time\n\n\
@@ -215,6 +239,8 @@ fn main() {
         ## Tiers\n\nA flat metal wall of alpha 0.09, each of its {} triangles. CPU instructions of the integrals alone:\n\
         [akari_math](../../akari_math/docs/sg_polygon_instructions.md).\n\n{tiers}\n\
         ## Presets\n\nA bent metal wall of 968 triangles.\n\n{presets}\n\
+        ## Shadow rays\n\nThe same wall with `tier` and `cut` of the preset `high`, and so many rays for each light of a triangle or\n\
+        cluster; presets have 0, 1, 3 and 7.\n\n{rays}\n\
         ## Few and many triangles\n\nThe bent wall's sides come {BEND} m forward. Clusters may err by {} (`cut` of the preset `high`).\n\n{clusters}\n\
         ![error against time](error_time.svg)\n",
         2 * FEW * FEW,

@@ -1,6 +1,6 @@
 //! Meshes of reflectors as triangles of the world, and diffuse ones cut into patches.
 
-use crate::types::{FLAG_TWO_SIDED, GpuReflectorMaterial, GpuTriangle};
+use crate::types::{FLAG_TWO_SIDED, GpuCluster, GpuReflectorMaterial, GpuTriangle};
 use akari_math::area_light::surface_reflectance;
 use bevy::math::{Affine3A, Vec3A};
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
@@ -132,6 +132,25 @@ pub fn is_diffuse(material: &GpuReflectorMaterial) -> bool {
 /// Whether a material has a specular lobe.
 pub fn is_glossy(material: &GpuReflectorMaterial) -> bool {
     material.grazing_reflectance > 0.0 || material.normal_reflectance.max_element() > 0.0
+}
+
+/// Half of what `FLAT` is in `receiver.wgsl`, so that the GPU finds no triangle to bend that is not found here.
+const FLAT: f32 = 0.5e-5;
+
+/// Whether normals turn from one side of a triangle to the other.
+pub fn bends(triangle: &GpuTriangle) -> bool {
+    let face = (triangle.b - triangle.a).cross(triangle.c - triangle.a);
+    let face = face.normalize_or_zero();
+    [triangle.normal_a, triangle.normal_b, triangle.normal_c]
+        .iter()
+        .any(|normal| 1.0 - face.dot(*normal) > FLAT)
+}
+
+impl GpuCluster {
+    /// Whether normals turn from one side of its rectangle to the other.
+    pub fn bends(&self) -> bool {
+        0.5 * (self.bend_u.length_squared()).max(self.bend_v.length_squared()) > FLAT
+    }
 }
 
 /// A triangle of a mesh in the world. `None` if nothing is left of it there.

@@ -27,7 +27,9 @@
 //!
 //! **Cost**: nothing without a reflector, a light, and a camera with [`AkariCamera`](akari_render::camera::AkariCamera): no
 //! pass, no memory, no pipeline. Otherwise one full-screen pass whose cost grows with what the clusters cannot say in
-//! rectangles, times lights where they are glossy. `docs/error_time.md` has the error against time of tiers, presets and
+//! rectangles, times lights where they are glossy; and one before it, and 2 bytes a pixel, that mark the pixels that receive
+//! anything, with or without a specular lobe, so that the sky and what faces away from all reflectors costs nothing. Pipelines
+//! hold the code of what is there alone ([`shading::ShadeKey`]). `docs/error_time.md` has the error against time of tiers, presets and
 //! cuts, and the time of 98 triangles beside that of 10,082; `akari_math`'s `docs/sg_polygon.md` has the integrals alone.
 //!
 //! **With voxel GI**: where another effect gathers all bounces
@@ -60,9 +62,11 @@ pub mod lights;
 pub mod pass;
 pub mod pipeline;
 pub mod prepare;
+pub mod receivers;
 pub mod reflector;
 pub mod scene;
 pub mod settings;
+pub mod shading;
 pub mod types;
 
 /// Name of the effect in reports, statistics and on the command line.
@@ -96,8 +100,12 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "bindings.wgsl");
         load_shader_library!(app, "occlusion.wgsl");
         load_shader_library!(app, "receiver.wgsl");
+        load_shader_library!(app, "diffuse.wgsl");
         load_shader_library!(app, "mirror.wgsl");
+        load_shader_library!(app, "open.wgsl");
+        load_shader_library!(app, "walk.wgsl");
         embedded_asset!(app, "aggregate.wgsl");
+        embedded_asset!(app, "classify.wgsl");
         embedded_asset!(app, "irradiance.wgsl");
         embedded_asset!(app, "shade.wgsl");
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
@@ -106,11 +114,13 @@ impl Plugin for InterreflectionPlugin {
         skip_while_idle(render_app, EFFECT);
         render_app
             .init_resource::<scene::ReflectorScene>()
+            .init_resource::<receivers::ReceiverKinds>()
             .init_resource::<lights::ReflectedLights>()
             .add_systems(
                 ExtractSchedule,
                 (
                     scene::extract_reflectors,
+                    receivers::extract_receivers,
                     scene::extract_views,
                     lights::extract_lights,
                 )

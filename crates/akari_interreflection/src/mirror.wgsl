@@ -20,10 +20,10 @@
 #import akari_math::sg::mirrored_light::{sg_mirrored_direction, sg_mirrored_light}
 #import akari_math::sg::polygon::{sg_polygon_add_edge, sg_polygon_close, sg_polygon_new, sg_rule}
 #import akari_math::special::{safe_normalize, TINY}
-#import akari_interreflection::bindings::{lights, settings, view}
+#import akari_interreflection::bindings::{lights, view}
 #import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
 #import akari_interreflection::receiver::{
-    bends, corner, corner_count, layer_from_table, look, middle_of, MIN_N_DOT_V, nearest_weights, normal_of, ON_PLANE,
+    bends, corner, corner_count, layer_from_table, look, middle_of, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of, ON_PLANE,
     point_of, Receiver, Seen, Sent, spread_of,
 }
 #import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
@@ -45,8 +45,20 @@ const LEAST_WIDTHS: f32 = 1.0;
 // counts as the lobe of a point.
 const LEAST_BLUR: f32 = 0.6;
 const MOST_BLUR: f32 = 0.95;
-// Largest sharpness of a lobe.
-const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
+#ifdef COSINE_LOBES
+// Nodes an edge where a lobe is too wide for cosine lobes.
+const NODES: u32 = 4u;
+const LOBES: u32 = #{TERMS}u;
+#else
+// Nodes an edge.
+const NODES: u32 = #{TERMS}u;
+#endif
+#ifdef BENDS
+// Looks at a mirror whose normals turn: one as at a flat one, and these.
+const TURNED_LOOKS: u32 = 3u;
+#else
+const TURNED_LOOKS: u32 = 0u;
+#endif
 
 // What the specular lobe of a reflector takes of a light: radiance to the pixel, and its share of the light's own (polygons).
 struct Reflected {
@@ -99,13 +111,11 @@ fn reflect_light(receiver: Receiver, material: ReflectorMaterial, light: Light, 
 fn lobe_over(frame: mat3x3<f32>, seen: Seen, axis: vec3<f32>, sharpness: f32) -> f32 {
     let count = corner_count(seen);
     var before = corner(frame, seen, count - 1u);
-    var nodes = settings.nodes;
 #ifdef COSINE_LOBES
-    nodes = 4u;
     var mixed = 0.0;
     let share = sg_ltc_share(sharpness);
     if share > 0.0 {
-        let mixture = sg_mixture(settings.lobes, sharpness);
+        let mixture = sg_mixture(LOBES, sharpness);
         let lobe_frame = orthonormal_basis(axis);
         var cosines = sg_ltc_polygon_new();
         for (var k = 0u; k < count; k++) {
@@ -120,7 +130,7 @@ fn lobe_over(frame: mat3x3<f32>, seen: Seen, axis: vec3<f32>, sharpness: f32) ->
         }
     }
 #endif
-    let rule = sg_rule(nodes, sharpness);
+    let rule = sg_rule(NODES, sharpness);
     var polygon = sg_polygon_new();
     for (var k = 0u; k < count; k++) {
         let next = corner(frame, seen, k);
@@ -135,26 +145,7 @@ fn lobe_over(frame: mat3x3<f32>, seen: Seen, axis: vec3<f32>, sharpness: f32) ->
 #endif
 }
 
-// Radiance at `point` that stands for a triangle whose normals turn, under the lobe of a flat one: that of the flat one there,
-// times what turning makes of both sides of the triangle together. A hollow mirror magnifies the highlight, so that its light
-// falls more slowly from one side to the other.
-fn curved_radiance(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, axis: vec3<f32>, face: vec3<f32>, point: vec3<f32>, flat_here: vec3<f32>) -> vec3<f32> {
-    let landing = lobe_landing(axis, seen.a, seen.b, seen.c);
-    let middle = middle_of(seen);
-    let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
-    let from_landing = point - landing;
-    let inside = length(from_landing) <= ON_PLANE * size;
-    let outward = safe_normalize(select(from_landing, middle - point, inside), vec3(0.0));
-    let weights = nearest_weights(seen, point + outward * size);
-    let other = point_of(seen, weights);
-    let radiance = reflect_light(receiver, material, light, point, normal_of(seen, nearest_weights(seen, point))).radiance;
-    let turned = radiance + reflect_light(receiver, material, light, other, normal_of(seen, weights)).radiance;
-    let flat_both = flat_here + reflect_light(receiver, material, light, other, face).radiance;
-    // Where a flat one shows nothing, it has no lobe to correct.
-    let known = flat_both > vec3(MIN_RADIANCE);
-    return select(radiance, turned * (flat_here / max(flat_both, vec3(MIN_RADIANCE))), known);
-}
-
+#ifdef GLOSSY_RECEIVERS
 // Radiance of a light by way of a mirror's point in this direction and the pixel's specular lobe, per sr.
 fn mirrored_twice(receiver: Receiver, material: ReflectorMaterial, light: Light, point: vec3<f32>, direction: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let cosine = dot(receiver.normal_ws, direction);
@@ -262,40 +253,109 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
     let sent = sum / weights_sum * lobe_over(stretch * frame, seen, vec3(0.0, 0.0, 1.0) * frame, local);
     return Sent(sent, lobe.axis, inverseSqrt(max(local, 1.0)));
 }
+#endif
 
-// What a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the value
-// there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image of
-// the light: `blur` is the lobe's sharpness over that of the image of a point. A disc has no tails, and the Gaussian holds its
-// light.
-fn mean_over_lobe(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, blur: f32, local: f32, point: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
-    let size = max(length(seen.c - seen.a), length(seen.b - seen.a));
-    let widths = size * sqrt(local) / max(length(point), TINY);
-    let share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
-    if share <= 0.0 {
-        return vec3(1.0);
-    }
+// The light that a mirror sends to the diffuse part of the pixel: a lobe of the radiance at its point nearest to the axis. `blur`
+// is the lobe's sharpness over that of the image of a point.
+//
+// Where normals turn, the radiance is that of a flat mirror there, times what turning makes of both sides together. A hollow
+// mirror magnifies the highlight, so that its light falls more slowly from one side to the other.
+//
+// Times what a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the
+// value there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image
+// of the light. A disc has no tails, and the Gaussian holds its light.
+//
+// All looks at the mirror are in one loop, since compilers copy what looks to each place.
+fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, blur: f32) -> vec3<f32> {
+    let weights = look(seen, axis);
+    let point = point_of(seen, weights);
+    let direction = safe_normalize(point, axis);
+    let from_axis = direction - axis;
+    let away = 0.5 * dot(from_axis, from_axis);
+    let local = tail_sharpness(sharpness, away);
+    let cosine = max(dot(receiver.normal_ws, direction), 0.0);
+    let widths = max(length(seen.c - seen.a), length(seen.b - seen.a)) * sqrt(local) / max(length(point), TINY);
+    var share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
+#ifdef BENDS
+    let bent = bends(seen, face);
+    // Of a triangle that bends both sides are taken already.
+    share = select(share, 0.0, bent && !seen.rectangle);
+    let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
+    let from_landing = point - lobe_landing(axis, seen.a, seen.b, seen.c);
+    let inside = length(from_landing) <= ON_PLANE * size;
+    let outward = safe_normalize(select(from_landing, middle_of(seen) - point, inside), vec3(0.0));
+    let other_weights = nearest_weights(seen, point + outward * size);
+    let other = point_of(seen, other_weights);
+    var radiance = vec3(0.0);
+    var turned = vec3(0.0);
+#else
+    let bent = false;
+#endif
     let basis = orthonormal_basis(axis);
     let lobe = EllipticLobe(axis, sharpness, basis[0], 1.0, basis[1]);
+    let first_node = 1u + TURNED_LOOKS;
+    let end = first_node + select(0u, RING_NODES, share > 0.0);
+    var flat = vec3(0.0);
     var weights_sum = 0.0;
     var sum = vec3(0.0);
-    for (var node = 0u; node < RING_NODES; node++) {
-        let at = point_of(seen, look(seen, elliptic_direction(lobe, ring_place(node))));
-        let direction = safe_normalize(at, axis);
-        let cosine = dot(receiver.normal_ws, direction);
-        if cosine > 0.0 {
-            let value = reflect_light(receiver, material, light, at, face).radiance * cosine;
-            weights_sum += ring_weight(node);
-            sum += ring_weight(node) * value / elliptic_value(lobe, local, direction);
+    var i = 0u;
+    loop {
+        var at = point;
+        var normal = face;
+        let node = i - min(i, first_node);
+        if i >= first_node {
+            at = point_of(seen, look(seen, elliptic_direction(lobe, ring_place(node))));
+        }
+#ifdef BENDS
+        if i == 1u {
+            normal = normal_of(seen, weights);
+        } else if i == 2u || i == 3u {
+            at = other;
+        }
+        if i == 2u {
+            normal = normal_of(seen, other_weights);
+        }
+#endif
+        let value = reflect_light(receiver, material, light, at, normal).radiance;
+        if i == 0u {
+            flat = value;
+        } else if i >= first_node {
+            let to_node = safe_normalize(at, axis);
+            let node_cosine = dot(receiver.normal_ws, to_node);
+            if node_cosine > 0.0 {
+                weights_sum += ring_weight(node);
+                sum += ring_weight(node) * value * node_cosine / elliptic_value(lobe, local, to_node);
+            }
+        }
+#ifdef BENDS
+        if i == 1u {
+            radiance = value;
+        } else if i == 2u {
+            turned = radiance + value;
+        } else if i == 3u {
+            let flat_both = flat + value;
+            // Where a flat one shows nothing, it has no lobe to correct.
+            let known = flat_both > vec3(MIN_RADIANCE);
+            radiance = select(radiance, turned * (flat / max(flat_both, vec3(MIN_RADIANCE))), known);
+        }
+#endif
+        i = select(i + 1u, first_node, i == 0u && !bent);
+        if i >= end {
+            break;
         }
     }
-    if weights_sum <= 0.0 {
-        return vec3(1.0);
+#ifdef BENDS
+    radiance = select(flat, radiance, bent);
+#else
+    var radiance = flat;
+#endif
+    if weights_sum > 0.0 {
+        let one = flat * cosine / elliptic_value(lobe, local, direction);
+        let ratio = sum / max(one * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
+        radiance *= select(vec3(1.0), mix(vec3(1.0), ratio, share), one > vec3(MIN_RADIANCE));
     }
-    let direction = safe_normalize(point, axis);
-    let cosine = max(dot(receiver.normal_ws, direction), 0.0);
-    let one = radiance * cosine / elliptic_value(lobe, local, direction);
-    let ratio = sum / max(one * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
-    return select(vec3(1.0), mix(vec3(1.0), ratio, share), one > vec3(MIN_RADIANCE));
+    let peak = radiance * (cosine * exp(local * away));
+    return INV_PI * peak * lobe_over(receiver.frame, seen, axis * receiver.frame, local);
 }
 
 // From a light by way of a glossy triangle and the pixel to the camera.
@@ -333,27 +393,12 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
     }
     var sum = Sent(vec3(0.0), lobe.axis, inverseSqrt(max(sharpness, 1.0)));
     if any(receiver.diffuse_albedo > vec3(0.0)) {
-        let blur = sharpness * lobe.inverse_sharpness;
-        let weights = look(seen, lobe.axis);
-        let point = point_of(seen, weights);
-        let direction = safe_normalize(point, lobe.axis);
-        let offset = direction - lobe.axis;
-        let away = 0.5 * dot(offset, offset);
-        let local = tail_sharpness(sharpness, away);
-        let cosine = max(dot(receiver.normal_ws, direction), 0.0);
-        let flat = reflect_light(receiver, material, light, point, face).radiance;
-        var radiance = flat;
-        if bends(seen, face) {
-            radiance = curved_radiance(receiver, seen, material, light, lobe.axis, face, point, flat);
-        }
-        // Of a triangle that bends both sides are taken already.
-        if seen.rectangle || !bends(seen, face) {
-            radiance *= mean_over_lobe(receiver, seen, material, light, face, lobe.axis, sharpness, blur, local, point, flat);
-        }
-        let peak = radiance * (cosine * exp(local * away));
-        let sent = INV_PI * peak * lobe_over(receiver.frame, seen, lobe.axis * receiver.frame, local);
+        let sent = to_diffuse(
+            receiver, seen, material, light, face, lobe.axis, sharpness, sharpness * lobe.inverse_sharpness,
+        );
         sum.light = receiver.diffuse_albedo * min(sent, brightest);
     }
+#ifdef GLOSSY_RECEIVERS
     if receiver.glossy {
         let glossy = through_both(receiver, seen, material, light, lobe.axis, sharpness);
         let light_of_both = min(glossy.light, brightest);
@@ -363,6 +408,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
         sum.spread = select(sum.spread, glossy.spread, outshines);
         sum.light += light_of_both;
     }
+#endif
     sum.spread = min(sum.spread, spread_of(seen));
     return sum;
 }

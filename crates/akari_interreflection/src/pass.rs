@@ -2,12 +2,16 @@
 
 use crate::pipeline::{AGGREGATE_LABEL, IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL};
 use crate::prepare::ViewReflectors;
+use crate::shading::CLASSIFY_LABEL;
 use crate::types::IRRADIANCE_WORKGROUP;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{ComputePassDescriptor, PipelineCache, RenderPassDescriptor};
+use bevy::render::render_resource::{
+    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassDepthStencilAttachment,
+    RenderPassDescriptor, StoreOp,
+};
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
 
@@ -86,37 +90,74 @@ pub fn shade(
         &ViewTarget,
         &ExtractedCamera,
     )>,
+    pipelines: Option<Res<InterreflectionPipelines>>,
     cache: Res<PipelineCache>,
     ledger: Res<GpuLedger>,
     mut ctx: RenderContext,
 ) {
     let (reflectors, view_offset, target, camera) = view.into_inner();
-    let (false, Some(group)) = (reflectors.stale, &reflectors.shade_group) else {
+    let (false, Some(group), Some(marks)) =
+        (reflectors.stale, &reflectors.shade_group, &reflectors.marks)
+    else {
         return;
     };
-    if reflectors.patches + reflectors.glossy == 0 {
+    if reflectors.patches + reflectors.glossy == 0 || reflectors.shading.receivers() == 0 {
         return;
     }
-    let Some(pipeline) = cache.get_render_pipeline(reflectors.shade) else {
+    let Some(classify) =
+        pipelines.and_then(|pipelines| cache.get_render_pipeline(pipelines.classify))
+    else {
         return;
     };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
+    {
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some(CLASSIFY_LABEL),
+            depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+                view: marks,
+                depth_ops: Some(Operations {
+                    load: LoadOp::Clear(0.0),
+                    store: StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            ..default()
+        });
+        let span = diagnostics.pass_span(&mut pass, CLASSIFY_LABEL);
+        if let Some(viewport) = &camera.viewport {
+            pass.set_camera_viewport(viewport);
+        }
+        pass.set_render_pipeline(classify);
+        pass.set_bind_group(0, group, &[view_offset.offset]);
+        pass.draw(0..3, 0..1);
+        span.end(&mut pass);
+    }
+    ledger.count_pass(CLASSIFY_LABEL);
     let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some(SHADE_LABEL),
         color_attachments: &[Some(target.get_unsampled_color_attachment())],
+        // Read alone.
+        depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+            view: marks,
+            depth_ops: None,
+            stencil_ops: None,
+        }),
         ..default()
     });
     let span = diagnostics.pass_span(&mut pass, SHADE_LABEL);
     if let Some(viewport) = &camera.viewport {
         pass.set_camera_viewport(viewport);
     }
-    pass.set_render_pipeline(pipeline);
     pass.set_bind_group(0, group, &[view_offset.offset]);
     if let Some(blockers) = &reflectors.blocker_group {
         pass.set_bind_group(1, blockers, &[]);
     }
-    pass.draw(0..3, 0..1);
+    let drawn = reflectors.shading.pipelines();
+    for pipeline in drawn.filter_map(|id| cache.get_render_pipeline(id)) {
+        pass.set_render_pipeline(pipeline);
+        pass.draw(0..3, 0..1);
+    }
     span.end(&mut pass);
     ledger.count_pass(SHADE_LABEL);
 }

@@ -1,5 +1,6 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
+use crate::shading::{CLASS_FORMAT, CLASSIFY_LABEL, ShadeKey};
 use crate::types::{
     GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
     GpuTriangle,
@@ -36,11 +37,12 @@ pub struct InterreflectionPipelines {
     pub blocker_layout: BindGroupLayoutDescriptor,
     /// The pass that sums up clusters.
     pub aggregate: CachedComputePipelineId,
+    /// The pass that marks the pixels that receive light.
+    pub classify: CachedRenderPipelineId,
     /// M⁻¹ and magnitude, two layers.
     pub ltc_table: TextureView,
     /// Bilinear, clamped.
     pub table_sampler: Sampler,
-    vertex: VertexState,
     irradiance_shader: Handle<Shader>,
     shade_shader: Handle<Shader>,
 }
@@ -124,12 +126,24 @@ impl InterreflectionPipelines {
             shader: load_embedded_asset!(assets, "aggregate.wgsl"),
             ..default()
         });
+        let classify = cache.queue_render_pipeline(RenderPipelineDescriptor {
+            label: Some(CLASSIFY_LABEL.into()),
+            layout: vec![shade_layout.clone()],
+            vertex: fullscreen.to_vertex_state(),
+            fragment: Some(FragmentState {
+                shader: load_embedded_asset!(assets, "classify.wgsl"),
+                ..default()
+            }),
+            depth_stencil: Some(class_depth(true)),
+            ..default()
+        });
         Self {
             irradiance_layout,
             aggregate_layout,
             shade_layout,
             blocker_layout,
             aggregate,
+            classify,
             ltc_table: upload_ltc_table(device, queue),
             table_sampler: device.create_sampler(&SamplerDescriptor {
                 label: Some("akari_interreflection_table_sampler"),
@@ -137,7 +151,6 @@ impl InterreflectionPipelines {
                 min_filter: FilterMode::Linear,
                 ..default()
             }),
-            vertex: fullscreen.to_vertex_state(),
             irradiance_shader: load_embedded_asset!(assets, "irradiance.wgsl"),
             shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
         }
@@ -173,15 +186,19 @@ fn upload_ltc_table(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
     })
 }
 
-/// What makes one shading pipeline differ from another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct ShadeKey {
-    /// Format of the view target.
-    pub target_format: TextureFormat,
-    /// Whether lobes are integrated by cosine lobes.
-    pub cosine_lobes: bool,
-    /// Whether rays look what reflectors hold back.
-    pub shadow_rays: bool,
+/// Marking pixels by their kind as a depth, or drawing those of one kind.
+fn class_depth(marks: bool) -> DepthStencilState {
+    DepthStencilState {
+        format: CLASS_FORMAT,
+        depth_write_enabled: Some(marks),
+        depth_compare: Some(if marks {
+            CompareFunction::Always
+        } else {
+            CompareFunction::Equal
+        }),
+        stencil: StencilState::default(),
+        bias: DepthBiasState::default(),
+    }
 }
 
 /// The definition that compiles rays, and what they read.
@@ -226,13 +243,16 @@ impl SpecializedRenderPipeline for InterreflectionPipelines {
         };
         let layout = vec![self.shade_layout.clone()];
         let (layout, mut shader_defs) = with_rays(layout, &self.blocker_layout, key.shadow_rays);
-        if key.cosine_lobes {
-            shader_defs.push("COSINE_LOBES".into());
-        }
+        shader_defs.extend(key.definitions());
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),
             layout,
-            vertex: self.vertex.clone(),
+            vertex: VertexState {
+                shader: self.shade_shader.clone(),
+                shader_defs: shader_defs.clone(),
+                ..default()
+            },
+            depth_stencil: Some(class_depth(false)),
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),
                 shader_defs,

@@ -3,10 +3,13 @@
 use crate::EFFECT;
 use crate::blockers::Blockers;
 use crate::clusters::Clusters;
+use crate::geometry::bends;
 use crate::lights::{ReflectedLights, pack_lights};
-use crate::pipeline::{InterreflectionPipelines, ShadeKey, ltc_table_bytes};
+use crate::pipeline::{InterreflectionPipelines, ltc_table_bytes};
+use crate::receivers::ReceiverKinds;
 use crate::scene::{ReflectorScene, Triangles, ViewInterreflection, cut};
 use crate::settings::MOST_SHADOW_RAYS;
+use crate::shading::{CLASS_BYTES, CLASS_FORMAT, Integral, ReflectorKinds, ShadeKey, Shading};
 use crate::types::{
     GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
     GpuTriangle,
@@ -15,11 +18,14 @@ use akari_render::area_lights::AreaLightPolygons;
 use akari_render::prelude::*;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::image::ToExtents;
 use bevy::pbr::deferred::{DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID, PbrDeferredLightingDepthId};
 use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::encase::private::WriteInto;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::TextureCache;
 use bevy::render::view::{ExtractedView, ViewUniforms};
 
 /// What lights and reflectors were when buffers were made.
@@ -48,6 +54,9 @@ struct Tree {
     of_patches: u32,
     count: u32,
     levels: u32,
+    kinds: ReflectorKinds,
+    low: Vec3,
+    high: Vec3,
 }
 
 impl Tree {
@@ -59,6 +68,13 @@ impl Tree {
             Clusters::default()
         };
         let light = u64::from(clusters.of_patches.max(1)) * GpuClusterLight::min_size().get();
+        let mirrors = &source.triangles[source.patches as usize..];
+        let of_mirrors = &clusters.clusters[clusters.of_patches as usize..];
+        let (low, high) = (source.triangles.iter())
+            .flat_map(|triangle| [triangle.a, triangle.b, triangle.c])
+            .fold((Vec3::MAX, Vec3::MIN), |(low, high), corner| {
+                (low.min(corner), high.max(corner))
+            });
         Self {
             clustered,
             triangles: storage::<GpuTriangle>(device, "akari_interreflection_triangles", &ordered),
@@ -77,6 +93,14 @@ impl Tree {
             of_patches: clusters.of_patches,
             count: clusters.clusters.len() as u32,
             levels: clusters.levels,
+            kinds: ReflectorKinds {
+                patches: source.patches > 0,
+                mirrors: !mirrors.is_empty(),
+                bends: mirrors.iter().any(bends) || of_mirrors.iter().any(GpuCluster::bends),
+                clusters: !clusters.clusters.is_empty(),
+            },
+            low,
+            high,
             source,
         }
     }
@@ -140,8 +164,10 @@ pub struct ViewReflectors {
     blockers: Option<BlockerBuffers>,
     /// The pipeline that lights patches.
     pub irradiance: CachedComputePipelineId,
-    /// The shading pipeline.
-    pub shade: CachedRenderPipelineId,
+    /// The shading pipelines.
+    pub shading: Shading,
+    /// Marks of the pixels that receive light; made anew each frame, since the view's size may change.
+    pub marks: Option<TextureView>,
     /// Bind group of what rays walk, if there are any.
     pub blocker_group: Option<BindGroup>,
     /// Bind group of the pass that lights patches.
@@ -226,7 +252,7 @@ pub fn prepare_reflectors(
         Option<&PbrDeferredLightingDepthId>,
         Option<&mut ViewReflectors>,
     )>,
-    scene: Res<ReflectorScene>,
+    (scene, receivers): (Res<ReflectorScene>, Res<ReceiverKinds>),
     lights: Res<ReflectedLights>,
     polygons: Res<AreaLightPolygons>,
     pipelines: Option<Res<InterreflectionPipelines>>,
@@ -259,20 +285,28 @@ pub fn prepare_reflectors(
             shadow_rays: settings.shadow_rays,
             mirrored_only: interreflection.mirrored_only,
         };
-        let key = ShadeKey {
+        let key_of = |tree: &Tree| ShadeKey {
             target_format: view.target_format,
-            cosine_lobes: settings.cosine_lobes().is_some(),
-            shadow_rays: made.shadow_rays > 0,
+            integral: tree.kinds.mirrors.then(|| Integral::of(settings)),
+            shadow_rays: settings.shadow_rays > 0,
+            reflectors: tree.kinds,
+            glossy_receivers: false,
         };
         let irradiance = specialized_compute.specialize(&cache, &pipelines, made.shadow_rays > 0);
-        let shade = specialized.specialize(&cache, &pipelines, key);
-        let uniform_of = |tree: &Tree, light_count| {
+        let mut want = |shading: &mut Shading, tree: &Tree| {
+            shading.want(
+                key_of(tree),
+                *receivers,
+                &mut specialized,
+                &pipelines,
+                &cache,
+            );
+        };
+        let uniform_of = |tree: &Tree, light_count, shading: &Shading| {
             let uniform = GpuInterreflectionView {
                 patches: tree.source.patches,
                 glossy: tree.source.triangles.len() as u32 - tree.source.patches,
                 lights: light_count,
-                nodes: settings.nodes().unwrap_or(0),
-                lobes: settings.cosine_lobes().unwrap_or(0),
                 lighting_pass_id: pass_id
                     .map_or(u32::from(DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID), |id| {
                         u32::from(id.get())
@@ -282,7 +316,9 @@ pub fn prepare_reflectors(
                 levels: tree.levels,
                 cut: settings.cut,
                 shadow_rays: settings.shadow_rays.min(MOST_SHADOW_RAYS),
-                pad: 0,
+                receivers: shading.receivers(),
+                low: tree.low,
+                high: tree.high,
             };
             let mut bytes = encase::UniformBuffer::new(Vec::new());
             if let Err(error) = bytes.write(&uniform) {
@@ -290,16 +326,18 @@ pub fn prepare_reflectors(
             }
             bytes.into_inner()
         };
+        let mut shading = Shading::default();
         let mut kept = None;
         let mut kept_blockers = None;
-        if let Some(mut existing) = existing {
+        if let Some(existing) = existing.map(Mut::into_inner) {
             if existing.made == made {
-                existing.shade = shade;
-                let bytes = uniform_of(&existing.tree, existing.light_count);
+                want(&mut existing.shading, &existing.tree);
+                let bytes = uniform_of(&existing.tree, existing.light_count, &existing.shading);
                 queue.write_buffer(&existing.uniform, 0, &bytes);
                 continue;
             }
             kept = Some(existing.tree.clone());
+            shading = core::mem::take(&mut existing.shading);
             kept_blockers = existing.blockers.take();
         }
         let cut = cut(&scene, &lights.lights, &polygons.lights, interreflection);
@@ -312,6 +350,7 @@ pub fn prepare_reflectors(
                     .collect();
                 Tree::new(&device, cut, made.clustered, &alphas)
             });
+        want(&mut shading, &tree);
         let blockers = (made.shadow_rays > 0).then(|| {
             kept_blockers
                 .filter(|kept| kept.scene == scene.version)
@@ -337,7 +376,7 @@ pub fn prepare_reflectors(
         });
         let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("akari_interreflection_view"),
-            contents: &uniform_of(&tree, light_count),
+            contents: &uniform_of(&tree, light_count, &shading),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
         let held = tree.bytes()
@@ -372,7 +411,8 @@ pub fn prepare_reflectors(
             stale: true,
             blockers,
             irradiance,
-            shade,
+            shading,
+            marks: None,
             blocker_group: None,
             irradiance_group: None,
             aggregate_group: None,
@@ -383,14 +423,21 @@ pub fn prepare_reflectors(
 
 /// Binds what the passes read. Until it has run for a view, its passes do nothing.
 pub fn prepare_bind_groups(
-    views: Query<(&ViewPrepassTextures, &mut ViewReflectors)>,
+    views: Query<(
+        Entity,
+        &ExtractedCamera,
+        &ViewPrepassTextures,
+        &mut ViewReflectors,
+    )>,
+    mut textures: ResMut<TextureCache>,
+    ledger: Res<GpuLedger>,
     pipelines: Option<Res<InterreflectionPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
 ) {
     let Some(pipelines) = pipelines else { return };
-    for (prepass, mut view) in views {
+    for (entity, camera, prepass, mut view) in views {
         let irradiance = device.create_bind_group(
             "akari_interreflection_irradiance",
             &cache.get_bind_group_layout(&pipelines.irradiance_layout),
@@ -455,5 +502,20 @@ pub fn prepare_bind_groups(
             )),
         );
         view.shade_group = Some(shade);
+        view.marks = camera.physical_target_size.map(|size| {
+            let bytes = CLASS_BYTES * u64::from(size.x) * u64::from(size.y);
+            ledger.set_bytes(EFFECT, format!("marks of view {entity}"), bytes);
+            let descriptor = TextureDescriptor {
+                label: Some("akari_interreflection_marks"),
+                size: size.to_extents(),
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format: CLASS_FORMAT,
+                usage: TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            };
+            textures.get(&device, descriptor).default_view
+        });
     }
 }

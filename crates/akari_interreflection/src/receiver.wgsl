@@ -6,8 +6,9 @@
 #import akari_math::ltc::lookup::{ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_uv}
 #import akari_math::reflector::{lobe_landing, triangle_weights}
 #import akari_math::special::{safe_normalize, TINY}
-#import akari_interreflection::bindings::{ltc_table, table_sampler, view}
-#import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, Triangle}
+#import akari_interreflection::bindings::{lights, ltc_table, table_sampler, view}
+#import akari_interreflection::lights::{Light, unpack_light}
+#import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, LIGHT_STRIDE, Triangle}
 
 // Views that graze or pass below an interpolated normal see the surface as from this cosine.
 const MIN_N_DOT_V: f32 = 1e-4;
@@ -17,8 +18,16 @@ const ON_PLANE: f32 = 1e-4;
 // A triangle whose normals turn by less than this, as 1 - cosine, is flat.
 const FLAT: f32 = 1e-5;
 
+// Largest sharpness of a lobe.
+const MIN_INVERSE_SHARPNESS: f32 = 1e-7;
+
 // Radius of a circle that halves the area of a square, over its side.
 const CIRCLE_OF_SIDE: f32 = 0.4;
+
+fn light_of(index: u32) -> Light {
+    let at = index * LIGHT_STRIDE;
+    return unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
+}
 
 // One specular layer from the table.
 struct Layer {

@@ -19,6 +19,10 @@ pub const KIND_DIRECTIONAL: u32 = 0;
 pub const KIND_POINT: u32 = 1;
 /// Kind of a light that is a polygon.
 pub const KIND_POLYGON: u32 = 2;
+/// Receivers that reflect diffusely alone.
+pub const RECEIVERS_MATTE: u32 = 1;
+/// Receivers with a specular lobe.
+pub const RECEIVERS_GLOSSY: u32 = 2;
 /// Bits of [`GpuBlockerNode::leaf`] that hold the number of triangles.
 pub const BLOCKER_COUNT_BITS: u32 = 3;
 
@@ -129,10 +133,6 @@ pub struct GpuInterreflectionView {
     pub glossy: u32,
     /// Lights.
     pub lights: u32,
-    /// Nodes an edge, or 0.
-    pub nodes: u32,
-    /// Cosine lobes, where there are no nodes.
-    pub lobes: u32,
     /// Lighting pass id of Bevy's standard deferred materials.
     pub lighting_pass_id: u32,
     /// Clusters of the patches: the first ones.
@@ -145,8 +145,12 @@ pub struct GpuInterreflectionView {
     pub cut: f32,
     /// Rays that each contribution may send.
     pub shadow_rays: u32,
-    /// Padding.
-    pub pad: u32,
+    /// Combination of `RECEIVERS_…`: the kinds whose pixels are told apart.
+    pub receivers: u32,
+    /// Least coordinates of all reflectors in the world.
+    pub low: Vec3,
+    /// Largest coordinates.
+    pub high: Vec3,
 }
 
 /// A box of the tree that rays walk (`akari_math::bounds_tree`).

@@ -11,6 +11,8 @@ const KIND_DIRECTIONAL: u32 = 0u;
 const KIND_POINT: u32 = 1u;
 const KIND_POLYGON: u32 = 2u;
 const BLOCKER_COUNT_BITS: u32 = 3u;
+const RECEIVERS_MATTE: u32 = 1u;
+const RECEIVERS_GLOSSY: u32 = 2u;
 
 struct Triangle {
     a: vec3<f32>,
@@ -67,15 +69,15 @@ struct InterreflectionView {
     patches: u32,
     glossy: u32,
     lights: u32,
-    nodes: u32,
-    lobes: u32,
     lighting_pass_id: u32,
     patch_clusters: u32,
     clusters: u32,
     levels: u32,
     cut: f32,
     shadow_rays: u32,
-    pad: u32,
+    receivers: u32,
+    low: vec3<f32>,
+    high: vec3<f32>,
 }
 
 struct BlockerNode {
@@ -83,4 +85,9 @@ struct BlockerNode {
     skip: u32,
     high: vec3<f32>,
     leaf: u32,
+}
+
+// By what depth pixels of a kind are marked, as Bevy marks those of a lighting pass: values that 16 bits hold exactly.
+fn class_depth(receivers: u32) -> f32 {
+    return f32(receivers) / 255.0;
 }

@@ -6,6 +6,7 @@ use akari_interreflection::types::{
     AGGREGATE_WORKGROUP, BLOCKER_COUNT_BITS, FLAG_TWO_SIDED, GpuBlockerNode, GpuCluster,
     GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
     IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
+    RECEIVERS_GLOSSY, RECEIVERS_MATTE,
 };
 use bevy::math::Vec3;
 use bevy::render::render_resource::ShaderType;
@@ -24,7 +25,10 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("bindings.wgsl", include_str!("../src/bindings.wgsl")),
     ("occlusion.wgsl", include_str!("../src/occlusion.wgsl")),
     ("receiver.wgsl", include_str!("../src/receiver.wgsl")),
+    ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
     ("mirror.wgsl", MIRROR),
+    ("open.wgsl", include_str!("../src/open.wgsl")),
+    ("walk.wgsl", include_str!("../src/walk.wgsl")),
 ];
 const MIRROR: &str = include_str!("../src/mirror.wgsl");
 
@@ -51,7 +55,27 @@ fn shade() -> Entry {
         file: "shade.wgsl",
         source: include_str!("../src/shade.wgsl"),
         entry_point: "fragment",
-        definitions: choices(&[&[&[], &["COSINE_LOBES"]], &[&[], &["SHADOW_RAYS"]]]),
+        definitions: choices(&[
+            &[
+                &["PATCHES"],
+                &["MIRRORS", "TERMS=3"],
+                &["MIRRORS", "BENDS", "TERMS=3"],
+                &["MIRRORS", "COSINE_LOBES", "TERMS=1"],
+                &["PATCHES", "MIRRORS", "BENDS", "COSINE_LOBES", "TERMS=2"],
+            ],
+            &[&[], &["CLUSTERS"]],
+            &[&[], &["GLOSSY_RECEIVERS"]],
+            &[&[], &["SHADOW_RAYS"]],
+        ]),
+    }
+}
+
+fn classify() -> Entry {
+    Entry {
+        file: "classify.wgsl",
+        source: include_str!("../src/classify.wgsl"),
+        entry_point: "fragment",
+        definitions: choices(&[]),
     }
 }
 
@@ -63,13 +87,16 @@ fn composer(mirror: &'static str) -> Composer {
             *source = mirror;
         }
     }
-    Composer::new(&libraries, &[&irradiance(), &aggregate(), &shade()])
+    Composer::new(
+        &libraries,
+        &[&irradiance(), &aggregate(), &classify(), &shade()],
+    )
 }
 
 #[test]
 fn every_shader_is_valid_for_every_set_of_definitions() {
     let mut valid = composer(MIRROR);
-    for entry in [irradiance(), aggregate(), shade()] {
+    for entry in [irradiance(), aggregate(), classify(), shade()] {
         if let Err(error) = valid.compose_all(&entry) {
             panic!("{error}");
         }
@@ -79,18 +106,17 @@ fn every_shader_is_valid_for_every_set_of_definitions() {
     let wrong = MIRROR.replacen(from, "mix(polygon, mixed, share)", 1);
     let mut invalid = composer(String::leak(wrong));
     let source = || shade().source.to_owned();
-    assert!(invalid.compose("a.wgsl", source(), &[]).is_ok());
-    assert!(
-        invalid
-            .compose("a.wgsl", source(), &["COSINE_LOBES"])
-            .is_err()
-    );
+    let by_nodes = ["MIRRORS", "TERMS=3"];
+    assert!(invalid.compose("a.wgsl", source(), &by_nodes).is_ok());
+    let by_lobes = ["MIRRORS", "TERMS=3", "COSINE_LOBES"];
+    assert!(invalid.compose("a.wgsl", source(), &by_lobes).is_err());
 }
 
 #[test]
 fn every_shader_and_definition_is_tried() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let faults = list_faults(&source, &[&irradiance(), &aggregate(), &shade()], LIBRARIES);
+    let entries = [&irradiance(), &aggregate(), &classify(), &shade()];
+    let faults = list_faults(&source, &entries, LIBRARIES);
     assert_eq!(faults, [""; 0]);
     assert!(!list_faults(&source, &[&shade()], LIBRARIES).is_empty());
 }
@@ -119,6 +145,8 @@ fn constants_and_workgroups_agree() {
         ("KIND_POINT", KIND_POINT),
         ("KIND_POLYGON", KIND_POLYGON),
         ("BLOCKER_COUNT_BITS", BLOCKER_COUNT_BITS),
+        ("RECEIVERS_MATTE", RECEIVERS_MATTE),
+        ("RECEIVERS_GLOSSY", RECEIVERS_GLOSSY),
     ] {
         assert_eq!(found.remove(name), Some(value), "{name}");
     }
@@ -261,29 +289,29 @@ fn layouts_agree() {
         patches: 1,
         glossy: 2,
         lights: 3,
-        nodes: 4,
-        lobes: 5,
         lighting_pass_id: 6,
         patch_clusters: 7,
         clusters: 8,
         levels: 9,
         cut: 10.0,
         shadow_rays: 11,
-        pad: 12,
+        receivers: 12,
+        low: at(13.0),
+        high: at(14.0),
     };
     let fields = [
         ("patches", 1),
         ("glossy", 2),
         ("lights", 3),
-        ("nodes", 4),
-        ("lobes", 5),
         ("lighting_pass_id", 6),
         ("patch_clusters", 7),
         ("clusters", 8),
         ("levels", 9),
         ("cut", float(10.0)),
         ("shadow_rays", 11),
-        ("pad", 12),
+        ("receivers", 12),
+        ("low", float(13.0)),
+        ("high", float(14.0)),
     ];
     assert_eq!(fault("InterreflectionView", &view, &fields), None);
     let node = GpuBlockerNode {

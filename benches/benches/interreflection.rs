@@ -2,14 +2,19 @@
 //!
 //! `cargo bench -p bevy_akari_benches --bench interreflection` prints the tables; with `-- write` it also writes
 //! `crates/akari_interreflection/docs/error_time.md` and its plot. Times are GPU spans of the adapter named in it, all in one
-//! run.
+//! run. With `-- blockers` it prints only the CPU time of the trees that rays walk.
 
+use bevy::math::Affine3A;
+use bevy_akari::interreflection::blockers::{BlockerMesh, Blockers};
+use bevy_akari::interreflection::geometry::ReflectorMesh;
 use bevy_akari::interreflection::pipeline::SHADE_LABEL;
 use bevy_akari::prelude::*;
 use bevy_akari_benches::plot::{Series, errors_over_gpu_time};
 use bevy_akari_tests::reflecting::{Corner, Material, relative_rmse, triangles_as_patches, wall};
 use std::fmt::Write;
+use std::hint::black_box;
 use std::path::Path;
+use std::time::Instant;
 
 /// Side of the pictures.
 const SIDE: u32 = 32;
@@ -216,7 +221,48 @@ fn shadow_rays(corner: &mut Corner) -> String {
     rows
 }
 
+/// CPU time, in ms, of what rays walk: trees of meshes that are new, and what a body that moves costs.
+fn blockers() -> String {
+    const TRIES: usize = 5;
+    let mut rows = String::from(
+        "| triangles | tree of a mesh, ms | boxes of a body that moved, ms | all for the GPU, ms |\n|---|---|---|---|\n",
+    );
+    for squares in [22, 71, 224] {
+        let mesh = ReflectorMesh::new(&wall(squares, BEND)).expect("a wall of triangles");
+        let corners: Vec<_> = mesh.triangles.iter().map(|(corners, _)| *corners).collect();
+        let mut least = [f64::INFINITY; 3];
+        for _ in 0..TRIES {
+            let mut lap = Instant::now();
+            let mut times = [0.0; 3];
+            let mut end = |which: usize| {
+                times[which] = 1e3 * lap.elapsed().as_secs_f64();
+                lap = Instant::now();
+            };
+            let mesh = BlockerMesh::new(corners.clone());
+            end(0);
+            let moved = mesh.placed(&Affine3A::from_rotation_y(1.0));
+            end(1);
+            black_box(Blockers::new([&moved]));
+            end(2);
+            for (least, time) in least.iter_mut().zip(times) {
+                *least = least.min(time);
+            }
+        }
+        let [tree, boxes, all] = least;
+        let _ = writeln!(
+            rows,
+            "| {} | {tree:.2} | {boxes:.2} | {all:.2} |",
+            corners.len()
+        );
+    }
+    rows
+}
+
 fn main() {
+    if std::env::args().any(|argument| argument == "blockers") {
+        print!("{}", blockers());
+        return;
+    }
     let Some(mut corner) = Corner::new("interreflection", SIDE) else {
         return;
     };

@@ -2,7 +2,7 @@
 //!
 //! The title tells how far the picture is from that of the best tier, measured from frame to frame. With feature `window` it
 //! opens a window; the keys stand in its title. `--headless --out FILE.png` draws a picture instead, and so does a build
-//! without the feature. Nothing hides light here: outside of the ring, its wall lets through what it would hold back.
+//! without the feature.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology};

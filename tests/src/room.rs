@@ -52,6 +52,21 @@ impl Room {
         spp: u32,
         change: impl FnOnce(&mut Scene),
     ) -> Option<Self> {
+        Self::of_bounces(test, name, side, spp, ALL_BOUNCES, change)
+    }
+
+    /// The same with the light of paths of so many segments at most: 3 is one bounce.
+    ///
+    /// # Panics
+    /// If the scene cannot be read or drawn.
+    pub fn of_bounces(
+        test: &str,
+        name: &str,
+        side: u32,
+        spp: u32,
+        most_depth: u32,
+        change: impl FnOnce(&mut Scene),
+    ) -> Option<Self> {
         let mut headless = headless_or_skip(test)?;
         let mut scene = Scene::load(&scene_path(name)).expect("a scene of the repository");
         change(&mut scene);
@@ -94,7 +109,7 @@ impl Room {
             };
             render(&scene, None, &options, &NoProgress).expect("it renders")
         };
-        let (all, once) = (traced(ALL_BOUNCES), traced(2));
+        let (all, once) = (traced(most_depth), traced(2));
         let pairs = all.color.data.iter().zip(&once.color.data);
         let truth = pairs
             .map(|(a, b)| std::array::from_fn(|c| f64::from(a[c]) - f64::from(b[c])))

@@ -1,12 +1,55 @@
 //! The triangles that hold light back, as rays on the GPU read them.
+//!
+//! Each mesh has a tree of its own, made once; each body has that tree with boxes about where its triangles are; one tree over
+//! the boxes of all bodies holds them together. So a body that moves costs no sorting but that of bodies.
 
-use crate::types::{BLOCKER_COUNT_BITS, GpuBlockerNode, GpuTriangle};
+use crate::types::{BLOCKER_COUNT_BITS, GpuBlockerNode};
 use akari_math::bounds_tree::{BoundsTree, LEAF};
-use bevy::math::{Vec3, Vec4};
+use bevy::math::{Affine3A, Vec3, Vec4};
 
 const _: () = assert!(LEAF < 1 << BLOCKER_COUNT_BITS);
 
-/// All reflectors as whole triangles: patches of one lie in its plane and hide what it hides.
+/// The triangles of a mesh, or of a body in the world, and boxes about them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct BlockerMesh {
+    tree: BoundsTree,
+    corners: Vec<[Vec3; 3]>,
+}
+
+impl BlockerMesh {
+    /// Of triangles.
+    pub fn new(corners: Vec<[Vec3; 3]>) -> Self {
+        Self {
+            tree: BoundsTree::new(&corners),
+            corners,
+        }
+    }
+
+    /// The same elsewhere.
+    #[must_use]
+    pub fn placed(&self, affine: &Affine3A) -> Self {
+        let place = |corners: &[Vec3; 3]| corners.map(|corner| affine.transform_point3(corner));
+        let mut placed = Self {
+            tree: self.tree.clone(),
+            corners: self.corners.iter().map(place).collect(),
+        };
+        placed.tree.refit(&placed.corners);
+        placed
+    }
+
+    /// Least and largest coordinates, if it has any triangles.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let root = self.tree.nodes.first()?;
+        Some((root.low, root.high))
+    }
+
+    /// How many triangles it has.
+    pub fn triangles(&self) -> usize {
+        self.corners.len()
+    }
+}
+
+/// All of them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Blockers {
     /// Boxes in depth-first order.
@@ -16,10 +59,16 @@ pub struct Blockers {
 }
 
 impl Blockers {
-    /// Of the triangles of a scene.
-    pub fn new(triangles: &[GpuTriangle]) -> Self {
-        let corners: Vec<[Vec3; 3]> = triangles.iter().map(|t| [t.a, t.b, t.c]).collect();
-        let tree = BoundsTree::new(&corners);
+    /// Of bodies in the world.
+    pub fn new<'a>(bodies: impl IntoIterator<Item = &'a BlockerMesh>) -> Self {
+        let parts: Vec<(&BoundsTree, &[[Vec3; 3]])> = bodies
+            .into_iter()
+            .map(|body| (&body.tree, body.corners.as_slice()))
+            .collect();
+        let tree = BoundsTree::join(&parts);
+        let all: Vec<[Vec3; 3]> = (parts.iter())
+            .flat_map(|(_, corners)| corners.iter().copied())
+            .collect();
         Self {
             nodes: (tree.nodes.iter())
                 .map(|node| GpuBlockerNode {
@@ -30,7 +79,7 @@ impl Blockers {
                 })
                 .collect(),
             corners: (tree.order.iter())
-                .flat_map(|i| corners[*i as usize])
+                .flat_map(|i| all[*i as usize])
                 .map(|corner| corner.extend(0.0))
                 .collect(),
         }
@@ -43,27 +92,36 @@ mod tests {
 
     #[test]
     fn leaves_name_their_corners() {
-        let triangles: Vec<GpuTriangle> = (0..23)
-            .map(|i| GpuTriangle {
-                a: Vec3::X * i as f32,
-                b: Vec3::X * i as f32 + Vec3::Y,
-                c: Vec3::X * i as f32 + Vec3::Z,
-                ..GpuTriangle::default()
-            })
-            .collect();
-        let blockers = Blockers::new(&triangles);
-        assert_eq!(blockers.corners.len(), 3 * triangles.len());
+        let row = |count: u32| {
+            let corners = (0..count).map(|i| {
+                let at = Vec3::X * i as f32;
+                [at, at + Vec3::Y, at + Vec3::Z]
+            });
+            BlockerMesh::new(corners.collect())
+        };
+        let bodies = [
+            row(23).placed(&Affine3A::from_translation(Vec3::Z * 4.0)),
+            row(2).placed(&Affine3A::from_rotation_y(1.0)),
+            row(0),
+            row(9).placed(&Affine3A::from_scale(Vec3::new(-1.0, 2.0, 3.0))),
+        ];
+        let blockers = Blockers::new(&bodies);
+        let triangles: usize = bodies.iter().map(BlockerMesh::triangles).sum();
+        assert_eq!(blockers.corners.len(), 3 * triangles);
         let mut seen = 0;
         for node in &blockers.nodes {
             let first = (node.leaf >> BLOCKER_COUNT_BITS) as usize;
             let count = (node.leaf & ((1 << BLOCKER_COUNT_BITS) - 1)) as usize;
+            assert_eq!(first, if count > 0 { seen } else { first });
             for corner in &blockers.corners[3 * first..3 * (first + count)] {
                 let corner = corner.truncate();
                 assert!(corner.cmpge(node.low).all() && corner.cmple(node.high).all());
             }
             seen += count;
         }
-        assert_eq!(seen, triangles.len());
+        assert_eq!(seen, triangles);
         assert_eq!(Blockers::new(&[]), Blockers::default());
+        let nowhere = row(3).placed(&Affine3A::from_translation(Vec3::NAN));
+        assert_eq!(Blockers::new([&nowhere]), Blockers::default());
     }
 }

@@ -1,6 +1,7 @@
 //! Whether the scene calls for interreflection.
 
 use crate::EFFECT;
+use crate::casters::gather_casters;
 use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
 use akari_render::prelude::*;
@@ -15,19 +16,30 @@ pub const CAMERAS: &str = "cameras with interreflection";
 /// Census entry of the effect of area lights, if it is there.
 const AREA_LIGHTS: &str = "visible area lights";
 
-/// Census entry: those of them whose reflectors hide each other.
-pub const SHADOWED_CAMERAS: &str = "cameras whose reflectors hide each other";
+/// Census entry: those of them for which light of reflectors is held back.
+pub const SHADOWED_CAMERAS: &str = "cameras with interreflection that is held back";
+/// Census entry: triangles of all opaque meshes that cast shadows, while there are such cameras.
+pub const HIDING_TRIANGLES: &str = "triangles that hold light of reflectors back";
+/// Census entry: how many there may be ([`MostBlockers`](crate::casters::MostBlockers)).
+pub const MOST_HIDING_TRIANGLES: &str = "triangles that may hold light of reflectors back";
 
 /// What hides reflectors from what they light, and lights from reflectors.
-pub fn occlusion(census: &Census) -> &'static str {
+pub fn occlusion(census: &Census) -> String {
     let (shadowed, all) = (census.count(SHADOWED_CAMERAS), census.count(CAMERAS));
     if shadowed == 0 {
-        "none"
-    } else if shadowed < all {
-        "reflectors, none for some cameras"
-    } else {
-        "reflectors"
+        return "none".to_owned();
     }
+    let triangles = census.count(HIDING_TRIANGLES);
+    let most = census.count(MOST_HIDING_TRIANGLES);
+    let mut what = if triangles > most {
+        format!("reflectors alone, since {triangles} triangles are more than {most}")
+    } else {
+        "opaque meshes".to_owned()
+    };
+    if shadowed < all {
+        what += ", none for some cameras";
+    }
+    what
 }
 
 /// Systems of the main world.
@@ -35,7 +47,7 @@ pub(crate) fn build(app: &mut App) {
     app.add_systems(
         PostUpdate,
         (
-            count.in_set(AkariSystems::Census),
+            (count, gather_casters).chain().in_set(AkariSystems::Census),
             record_demand.in_set(AkariSystems::Demand),
         ),
     );
@@ -104,7 +116,7 @@ fn count(
 }
 
 /// Sets an entry without marking the census as changed where it is not.
-fn set(census: &mut ResMut<Census>, name: &'static str, count: usize) {
+pub(crate) fn set(census: &mut ResMut<Census>, name: &'static str, count: usize) {
     let count = count as u32;
     if census.count(name) != count {
         census.set(name, count);
@@ -137,10 +149,17 @@ mod tests {
         census.set(SHADOWED_CAMERAS, 1);
         assert_eq!(
             demand(&census),
-            Demand::needed("1 reflector may reflect 2 lights; occlusion: reflectors")
+            Demand::needed("1 reflector may reflect 2 lights; occlusion: opaque meshes")
         );
         census.set(CAMERAS, 2);
-        assert_eq!(occlusion(&census), "reflectors, none for some cameras");
+        assert_eq!(occlusion(&census), "opaque meshes, none for some cameras");
+        census.set(CAMERAS, 1);
+        census.set(HIDING_TRIANGLES, 70_000);
+        census.set(MOST_HIDING_TRIANGLES, 65_536);
+        assert_eq!(
+            occlusion(&census),
+            "reflectors alone, since 70000 triangles are more than 65536"
+        );
         census.set(REFLECTORS, 0);
         assert!(!demand(&census).needed);
     }

@@ -26,7 +26,7 @@ const END: f32 = 0.9999;
 // Floor of sums of weights.
 const MIN_WEIGHT: f32 = 1e-20;
 
-// Share of a light that other reflectors leave to a point: of what would arrive from points over the polygon, as what the
+// Share of a light that what is opaque leaves to a point: of what would arrive from points over the polygon, as what the
 // unshadowed light is multiplied with (the ratio of Heitz et al. 2018, "Combining Analytic Direct Illumination and Stochastic
 // Shadows", with fixed points).
 fn open_share(light: Light, point: vec3<f32>, normal: vec3<f32>) -> f32 {

@@ -36,11 +36,13 @@
 //! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and
 //! voxels of metal leave that out ([`MirrorsLight`](akari_render::emission::MirrorsLight)): no light counts twice.
 //!
-//! **Occlusion**: reflectors hide each other from what they light, and lights from each other, by
+//! **Occlusion**: all opaque meshes that cast shadows hide reflectors from what they light, and lights from reflectors, by
 //! [`shadow_rays`](settings::Interreflection::shadow_rays) through a tree of boxes over all of their triangles
 //! (`akari_math::bounds_tree`, `akari_math::segment`); a cluster that is partly hidden is looked at in parts. Patches are lit
-//! through eight times as many to each light. What is not marked as a reflector hides nothing
-//! ([`demand::occlusion`], which the effect's reason says, too).
+//! through eight times as many to each light, and are finer where shadows may fall ([`shadow_boxes`]). Left out are meshes with Bevy's `NotShadowCaster`, those in whose place an area
+//! light shines, and, unless they reflect, skins and morph targets. Holes of masked materials let nothing through. Beyond
+//! [`MostBlockers`](casters::MostBlockers) triangles reflectors alone hide anything; [`demand::occlusion`], which the effect's
+//! reason says, too, tells which it is. Rays see triangles themselves and need no bake and no voxels.
 //!
 //! **Limits**: reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
 //! receive. Lights with images and environment light are left out.
@@ -55,6 +57,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
 pub mod blockers;
+pub mod casters;
 pub mod clusters;
 pub mod demand;
 pub mod geometry;
@@ -67,6 +70,7 @@ pub mod reflector;
 pub mod scene;
 pub mod settings;
 pub mod shading;
+pub mod shadow_boxes;
 pub mod types;
 
 /// Name of the effect in reports, statistics and on the command line.
@@ -75,6 +79,7 @@ pub const EFFECT: &str = "interreflection";
 /// Everything that an app uses from here.
 pub mod prelude {
     pub use crate::InterreflectionPlugin;
+    pub use crate::casters::MostBlockers;
     pub use crate::reflector::Reflector;
     pub use crate::settings::{DefaultInterreflection, Interreflection};
 }
@@ -89,7 +94,10 @@ impl Plugin for InterreflectionPlugin {
         app.register_type::<reflector::Reflector>()
             .register_type::<settings::Interreflection>()
             .register_type::<settings::DefaultInterreflection>()
-            .init_resource::<settings::DefaultInterreflection>();
+            .register_type::<casters::MostBlockers>()
+            .init_resource::<settings::DefaultInterreflection>()
+            .init_resource::<casters::MostBlockers>()
+            .init_resource::<casters::Casters>();
         demand::build(app);
         if app.get_sub_app(RenderApp).is_none() {
             return;
@@ -114,12 +122,15 @@ impl Plugin for InterreflectionPlugin {
         skip_while_idle(render_app, EFFECT);
         render_app
             .init_resource::<scene::ReflectorScene>()
+            .init_resource::<scene::BlockerScene>()
+            .init_resource::<prepare::SharedBlockers>()
             .init_resource::<receivers::ReceiverKinds>()
             .init_resource::<lights::ReflectedLights>()
             .add_systems(
                 ExtractSchedule,
                 (
                     scene::extract_reflectors,
+                    scene::extract_blockers,
                     receivers::extract_receivers,
                     scene::extract_views,
                     lights::extract_lights,
@@ -132,7 +143,9 @@ impl Plugin for InterreflectionPlugin {
                     (prepare::release, prepare::prepare_pipelines)
                         .chain()
                         .in_set(RenderSystems::Prepare),
-                    prepare::prepare_reflectors.in_set(RenderSystems::PrepareResources),
+                    (prepare::prepare_blockers, prepare::prepare_reflectors)
+                        .chain()
+                        .in_set(RenderSystems::PrepareResources),
                     prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),
                 )
                     .in_set(EffectSystems(EFFECT)),

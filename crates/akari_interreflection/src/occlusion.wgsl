@@ -1,6 +1,6 @@
 #define_import_path akari_interreflection::occlusion
 
-// What reflectors hold back of each other's light: segments through a tree of boxes over all of their triangles.
+// What opaque meshes hold back of light on its way: segments through a tree of boxes over all of their triangles.
 
 #import akari_math::segment::{segment_box, segment_inverse, segment_triangle}
 #import akari_interreflection::types::{BLOCKER_COUNT_BITS, BlockerNode}
@@ -10,7 +10,7 @@
 // Three of each triangle, in the order of the leaves.
 @group(1) @binding(1) var<storage, read> blocker_corners: array<vec4<f32>>;
 
-// Whether a reflector lies on a segment between two shares of it. The walk of `akari_math::bounds_tree`.
+// Whether a triangle lies on a segment between two shares of it. The walk of `akari_math::bounds_tree`.
 fn held_back(origin: vec3<f32>, segment: vec3<f32>, start: f32, end: f32) -> bool {
     let inverse = segment_inverse(segment);
     let count = arrayLength(&blocker_nodes);

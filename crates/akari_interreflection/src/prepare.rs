@@ -7,7 +7,7 @@ use crate::geometry::bends;
 use crate::lights::{ReflectedLights, pack_lights};
 use crate::pipeline::{InterreflectionPipelines, ltc_table_bytes};
 use crate::receivers::ReceiverKinds;
-use crate::scene::{ReflectorScene, Triangles, ViewInterreflection, cut};
+use crate::scene::{BlockerScene, ReflectorScene, Triangles, ViewInterreflection, cut};
 use crate::settings::MOST_SHADOW_RAYS;
 use crate::shading::{CLASS_BYTES, CLASS_FORMAT, Integral, ReflectorKinds, ShadeKey, Shading};
 use crate::types::{
@@ -38,6 +38,8 @@ struct Made {
     clustered: bool,
     /// Rays; patches are lit by as many in proportion.
     shadow_rays: u32,
+    /// Version of what they may meet, if there are any.
+    blockers: u64,
     mirrored_only: bool,
 }
 
@@ -110,19 +112,22 @@ impl Tree {
     }
 }
 
-/// What rays walk on the GPU.
-#[derive(Clone)]
+/// What rays walk on the GPU, for all views.
+#[derive(Resource, Default)]
+pub struct SharedBlockers(Option<BlockerBuffers>);
+
 struct BlockerBuffers {
-    /// Version of the scene that it was made of.
-    scene: u64,
+    /// Version of what it was made of.
+    version: u64,
     nodes: Buffer,
     corners: Buffer,
     triangles: u32,
 }
 
 impl BlockerBuffers {
-    fn new(device: &RenderDevice, scene: &ReflectorScene) -> Self {
-        let Blockers { mut nodes, corners } = Blockers::new(&scene.triangles);
+    fn new(device: &RenderDevice, scene: &BlockerScene) -> Self {
+        let bodies = scene.bodies.iter().map(|body| &**body);
+        let Blockers { mut nodes, corners } = Blockers::new(bodies);
         if nodes.is_empty() {
             // What stands for none leads to the end.
             nodes.push(GpuBlockerNode {
@@ -133,16 +138,46 @@ impl BlockerBuffers {
             });
         }
         Self {
-            scene: scene.version,
+            version: scene.version,
             nodes: storage::<GpuBlockerNode>(device, "akari_interreflection_blockers", &nodes),
-            corners: storage::<Vec4>(device, "akari_interreflection_blocker_corners", &corners),
             triangles: (corners.len() / 3) as u32,
+            corners: device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some("akari_interreflection_blocker_corners"),
+                // A binding cannot be empty.
+                contents: if corners.is_empty() {
+                    bytemuck::bytes_of(&Vec4::ZERO)
+                } else {
+                    bytemuck::cast_slice(&corners)
+                },
+                usage: BufferUsages::STORAGE,
+            }),
         }
     }
 
     fn bytes(&self) -> u64 {
         self.nodes.size() + self.corners.size()
     }
+}
+
+/// Uploads what rays may meet where it changed, and lets go of it once no view sends any.
+pub fn prepare_blockers(
+    mut shared: ResMut<SharedBlockers>,
+    views: Query<&ViewInterreflection>,
+    scene: Res<BlockerScene>,
+    device: Res<RenderDevice>,
+    ledger: Res<GpuLedger>,
+) {
+    let wanted = views.iter().any(|view| view.settings.shadow_rays > 0);
+    let version = shared.0.as_ref().map(|blockers| blockers.version);
+    if version == wanted.then_some(scene.version) {
+        return;
+    }
+    shared.0 = wanted.then(|| BlockerBuffers::new(&device, &scene));
+    let (bytes, triangles) = (shared.0.as_ref()).map_or((0, 0), |blockers| {
+        (blockers.bytes(), u64::from(blockers.triangles))
+    });
+    ledger.set_bytes(EFFECT, "blockers", bytes);
+    ledger.set_counter("interreflection triangles that hide", triangles);
 }
 
 /// What the passes of one view read and write.
@@ -161,7 +196,6 @@ pub struct ViewReflectors {
     light_count: u32,
     /// Whether the patches are still to be lit.
     pub stale: bool,
-    blockers: Option<BlockerBuffers>,
     /// The pipeline that lights patches.
     pub irradiance: CachedComputePipelineId,
     /// The shading pipelines.
@@ -253,6 +287,7 @@ pub fn prepare_reflectors(
         Option<&mut ViewReflectors>,
     )>,
     (scene, receivers): (Res<ReflectorScene>, Res<ReceiverKinds>),
+    blockers: Res<BlockerScene>,
     lights: Res<ReflectedLights>,
     polygons: Res<AreaLightPolygons>,
     pipelines: Option<Res<InterreflectionPipelines>>,
@@ -283,6 +318,11 @@ pub fn prepare_reflectors(
             most_patches: settings.most_patches,
             clustered: settings.cut > 0.0,
             shadow_rays: settings.shadow_rays,
+            blockers: if settings.shadow_rays > 0 {
+                blockers.version
+            } else {
+                0
+            },
             mirrored_only: interreflection.mirrored_only,
         };
         let key_of = |tree: &Tree| ShadeKey {
@@ -328,7 +368,6 @@ pub fn prepare_reflectors(
         };
         let mut shading = Shading::default();
         let mut kept = None;
-        let mut kept_blockers = None;
         if let Some(existing) = existing.map(Mut::into_inner) {
             if existing.made == made {
                 want(&mut existing.shading, &existing.tree);
@@ -338,10 +377,15 @@ pub fn prepare_reflectors(
             }
             kept = Some(existing.tree.clone());
             shading = core::mem::take(&mut existing.shading);
-            kept_blockers = existing.blockers.take();
         }
-        let cut = cut(&scene, &lights.lights, &polygons.lights, interreflection);
-        // Lights that move mostly leave patches as they are.
+        let cut = cut(
+            &scene,
+            &blockers.shadows,
+            &lights.lights,
+            &polygons.lights,
+            interreflection,
+        );
+        // Lights and bodies that move mostly leave patches as they are.
         let tree = kept
             .filter(|tree| tree.source == cut && tree.clustered == made.clustered)
             .unwrap_or_else(|| {
@@ -351,11 +395,6 @@ pub fn prepare_reflectors(
                 Tree::new(&device, cut, made.clustered, &alphas)
             });
         want(&mut shading, &tree);
-        let blockers = (made.shadow_rays > 0).then(|| {
-            kept_blockers
-                .filter(|kept| kept.scene == scene.version)
-                .unwrap_or_else(|| BlockerBuffers::new(&device, &scene))
-        });
         let patches = tree.source.patches;
         let glossy = tree.source.triangles.len() as u32 - patches;
         let materials = storage::<GpuReflectorMaterial>(
@@ -383,18 +422,13 @@ pub fn prepare_reflectors(
             + materials.size()
             + light_buffer.size()
             + patch_light.size()
-            + uniform.size()
-            + blockers.as_ref().map_or(0, BlockerBuffers::bytes);
+            + uniform.size();
         ledger.set_bytes(EFFECT, format!("view {entity}"), held);
         for (name, count) in [
             ("interreflection diffuse patches", patches),
             ("interreflection glossy triangles", glossy),
             ("interreflection clusters", tree.count),
             ("interreflection triangles dropped", scene.dropped),
-            (
-                "interreflection triangles that hide",
-                blockers.as_ref().map_or(0, |blockers| blockers.triangles),
-            ),
         ] {
             ledger.set_counter(name, u64::from(count));
         }
@@ -409,7 +443,6 @@ pub fn prepare_reflectors(
             glossy,
             light_count,
             stale: true,
-            blockers,
             irradiance,
             shading,
             marks: None,
@@ -432,6 +465,7 @@ pub fn prepare_bind_groups(
     mut textures: ResMut<TextureCache>,
     ledger: Res<GpuLedger>,
     pipelines: Option<Res<InterreflectionPipelines>>,
+    blockers: Res<SharedBlockers>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
@@ -463,7 +497,8 @@ pub fn prepare_bind_groups(
                 )),
             )
         });
-        view.blocker_group = view.blockers.as_ref().map(|blockers| {
+        let walked = blockers.0.as_ref().filter(|_| view.made.shadow_rays > 0);
+        view.blocker_group = walked.map(|blockers| {
             device.create_bind_group(
                 "akari_interreflection_blockers",
                 &cache.get_bind_group_layout(&pipelines.blocker_layout),

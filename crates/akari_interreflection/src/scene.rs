@@ -1,12 +1,15 @@
 //! The reflectors of the scene in the render world, rebuilt when one of them or its mesh or material changed.
 
 use crate::EFFECT;
+use crate::blockers::BlockerMesh;
+use crate::casters::Casters;
 use crate::geometry::{
     ReflectorMesh, is_diffuse, is_glossy, place_triangle, reflector_material, split,
 };
 use crate::lights::{PunctualLight, nearest_distance};
 use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
+use crate::shadow_boxes::{LightBox, ShadowBox};
 use crate::types::{GpuReflectorMaterial, GpuTriangle};
 use akari_render::area_lights::AreaLightPolygon;
 use akari_render::camera::GathersBounces;
@@ -15,18 +18,47 @@ use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
+use std::sync::Arc;
 
 /// All reflectors. Empty while the effect is idle.
 #[derive(Resource, Debug, Default)]
 pub struct ReflectorScene {
     /// Triangles in the world.
     pub triangles: Vec<GpuTriangle>,
+    /// The entity of each, in the main world.
+    pub owners: Vec<Entity>,
     /// Their materials.
     pub materials: Vec<GpuReflectorMaterial>,
     /// Triangles that were left out: without area, or not finite.
     pub dropped: u32,
     /// Counts up with each change.
     pub version: u64,
+}
+
+/// What rays may meet. Empty while none is sent.
+#[derive(Resource, Debug, Default)]
+pub struct BlockerScene {
+    /// Bodies in the world.
+    pub bodies: Vec<Arc<BlockerMesh>>,
+    /// Where each of them is that has triangles.
+    pub shadows: Vec<ShadowBox>,
+    /// As of [`Casters`].
+    pub version: u64,
+}
+
+/// Takes the bodies that changed to the render world.
+pub fn extract_blockers(mut scene: ResMut<BlockerScene>, casters: Extract<Res<Casters>>) {
+    if scene.version != casters.version {
+        scene.version = casters.version;
+        let (entities, bodies): (Vec<_>, Vec<_>) = casters.blockers().unzip();
+        scene.shadows = (entities.iter().zip(&bodies))
+            .filter_map(|(owner, body): (&Entity, &Arc<BlockerMesh>)| {
+                let (low, high) = body.bounds()?;
+                Some(ShadowBox::new(*owner, low, high))
+            })
+            .collect();
+        scene.bodies = bodies;
+    }
 }
 
 /// On a view in the render world: it is to be lit by reflectors, in this way.
@@ -190,6 +222,7 @@ pub fn extract_reflectors(
             })
             .collect();
         scene.dropped += geometry.dropped + (geometry.triangles.len() - placed.len()) as u32;
+        (scene.owners).extend(std::iter::repeat_n(entity, placed.len()));
         scene.triangles.extend(placed);
     }
 }
@@ -206,10 +239,11 @@ pub struct Triangles {
 /// Halvings of a triangle at most: a thousandth of its longest edge.
 const MOST_HALVINGS: u32 = 20;
 
-/// Cuts the diffuse triangles into patches. If there are more than the settings allow, all become larger alike. Where only
-/// what is mirrored counts, there are none.
+/// Cuts the diffuse triangles into patches, finer where shadows may fall. If there are more than the settings allow, all become
+/// larger alike. Where only what is mirrored counts, there are none.
 pub fn cut(
     scene: &ReflectorScene,
+    shadows: &[ShadowBox],
     lights: &[PunctualLight],
     polygons: &[AreaLightPolygon],
     view: &ViewInterreflection,
@@ -229,16 +263,28 @@ pub fn cut(
             .iter()
             .filter(move |triangle| keep(&scene.materials[triangle.material as usize]))
     };
+    let shadows = if settings.shadow_rays > 0 {
+        shadows
+    } else {
+        &[]
+    };
+    let boxes = LightBox::of(lights, polygons);
     let mut share = settings.patch.max(1e-3);
     let mut patches = Vec::new();
     // Each try makes a quarter as many; a scene of more triangles than patches is left as it is.
     for _ in 0..8 {
         patches.clear();
-        let fine = |triangle: &GpuTriangle, longest: f32| {
-            let middle = (triangle.a + triangle.b + triangle.c) / 3.0;
-            longest <= share * nearest_distance(lights, polygons, middle)
-        };
-        for triangle in of(is_diffuse) {
+        for (index, triangle) in scene.triangles.iter().enumerate() {
+            if !is_diffuse(&scene.materials[triangle.material as usize]) {
+                continue;
+            }
+            let shadows = ShadowBox::over(shadows, triangle, scene.owners.get(index), &boxes);
+            let fine = |triangle: &GpuTriangle, longest: f32| {
+                let middle = (triangle.a + triangle.b + triangle.c) / 3.0;
+                longest <= share * nearest_distance(lights, polygons, middle)
+                    && (shadows.iter())
+                        .all(|shadow| shadow.is_fine(triangle, longest, share, &boxes))
+            };
             split(*triangle, MOST_HALVINGS, &fine, &mut patches);
             if patches.len() > 4 * settings.most_patches as usize {
                 break;
@@ -291,7 +337,7 @@ mod tests {
                 settings: *settings,
                 mirrored_only: false,
             };
-            cut(&scene, &[light], &[], &view)
+            cut(&scene, &[], &[light], &[], &view)
         };
         let fine = cut_to(&settings);
         let longest = |triangle: &GpuTriangle| triangle.a.distance(triangle.b);
@@ -302,13 +348,34 @@ mod tests {
         };
         assert!(mean(&near) < 0.5 * mean(&far));
         assert_eq!(fine.triangles.len() as u32, fine.patches + 1, "one glossy");
+        // Under a small body that is between it and the light.
+        let body = ShadowBox::new(
+            Entity::PLACEHOLDER,
+            Vec3::new(1.0, 1.0, 0.1),
+            Vec3::new(1.2, 1.2, 0.3),
+        );
+        let view = |shadow_rays| ViewInterreflection {
+            settings: Interreflection {
+                shadow_rays,
+                ..settings
+            },
+            mirrored_only: false,
+        };
+        let shaded = |rays| cut(&scene, &[body], &[light], &[], &view(rays)).patches;
+        assert!(
+            shaded(1) > fine.patches + 20,
+            "{} {}",
+            shaded(1),
+            fine.patches
+        );
+        assert_eq!(shaded(0), fine.patches);
         settings.most_patches = 64;
         assert!(cut_to(&settings).patches <= 64);
         let view = ViewInterreflection {
             settings,
             mirrored_only: true,
         };
-        let mirrored = cut(&scene, &[light], &[], &view);
+        let mirrored = cut(&scene, &[], &[light], &[], &view);
         assert_eq!((mirrored.patches, mirrored.triangles.len()), (0, 1));
     }
 }

@@ -24,7 +24,8 @@ pub struct Interreflection {
     pub tier: u32,
     /// Longest edge of a patch of a diffuse reflector, as a share of its distance from the nearest light. 0.05 to 4.
     ///
-    /// Radiance is exact at the corners of patches and interpolated between them.
+    /// Radiance is exact at the corners of patches and interpolated between them. Where rays are sent, patches are also no
+    /// longer than 0.4 of this share of a body that may throw its shadow on them.
     pub patch: f32,
     /// Most patches of all reflectors together. 64 to 65,536: where they would be more, all become larger alike.
     pub most_patches: u32,
@@ -32,9 +33,9 @@ pub struct Interreflection {
     /// receiver's largest weight in it (`akari_math::cluster`); where that light is little, a fiftieth of this share of white
     /// in proportion to the cluster's solid angle. 0 to 1: 0 visits every triangle.
     pub cut: f32,
-    /// Rays, for each light that a triangle or cluster sends to a pixel, that look whether another reflector holds it back, and
-    /// as many from where it is mirrored to the light. 0 to 16: 0 lets all light through. Where some of a cluster's rays are
-    /// held back, its parts are looked at.
+    /// Rays, for each light that a triangle or cluster sends to a pixel, that look whether an opaque mesh holds it back, and as
+    /// many from where it is mirrored to the light. 0 to 16: 0 lets all light through. Where some of a cluster's rays are held
+    /// back, its parts are looked at. Where shadows may fall on diffuse reflectors, patches are finer.
     pub shadow_rays: u32,
 }
 
@@ -102,7 +103,7 @@ impl Knobs for Interreflection {
         },
         Knob {
             name: "shadow_rays",
-            what: "rays that look whether reflectors hold each other's light back, for each light of a triangle or cluster; 0 is none",
+            what: "rays that look whether opaque meshes hold light back, for each light of a triangle or cluster; 0 is none",
             min: 0.0,
             max: MOST_SHADOW_RAYS as f32,
             integer: true,

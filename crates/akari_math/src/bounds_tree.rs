@@ -85,6 +85,74 @@ impl BoundsTree {
         self.nodes[index].skip = self.nodes.len() as u32;
     }
 
+    /// The boxes of the same triangles elsewhere, or in another shape: what is below which node stays as it is.
+    ///
+    /// `triangles` are as many as those that the tree was made of.
+    pub fn refit(&mut self, triangles: &[[Vec3; 3]]) {
+        for index in (0..self.nodes.len()).rev() {
+            let node = self.nodes[index];
+            let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+            for i in &self.order[node.first as usize..(node.first + node.count) as usize] {
+                for corner in triangles[*i as usize] {
+                    (low, high) = (low.min(corner), high.max(corner));
+                }
+            }
+            if node.count == 0 {
+                let one = self.nodes[index + 1];
+                let two = self.nodes[one.skip as usize];
+                (low, high) = (one.low.min(two.low), one.high.max(two.high));
+            }
+            self.nodes[index] = BoundsNode { low, high, ..node };
+        }
+    }
+
+    /// One tree over trees that stay as they are, each with the triangles that it was made of: a tree over their boxes, with
+    /// their own nodes below it. Its triangles are those of the first, then those of the second, and so on. Trees whose boxes
+    /// are not finite are left out.
+    #[must_use]
+    pub fn join(parts: &[(&Self, &[[Vec3; 3]])]) -> Self {
+        let mut base = 0;
+        let mut bases = Vec::with_capacity(parts.len());
+        let mut boxes = Vec::with_capacity(parts.len());
+        for (tree, triangles) in parts {
+            bases.push(base);
+            base += triangles.len() as u32;
+            boxes.push(tree.nodes.first().map_or([Vec3::NAN; 3], |root| {
+                [root.low, 0.5 * root.low + 0.5 * root.high, root.high]
+            }));
+        }
+        let above = Self::new(&boxes);
+        let mut joined = Self::default();
+        // Where the nodes of the tree above came to stand, and the end.
+        let mut places = Vec::with_capacity(above.nodes.len() + 1);
+        for node in &above.nodes {
+            places.push(joined.nodes.len() as u32);
+            joined.nodes.push(BoundsNode {
+                first: joined.order.len() as u32,
+                count: 0,
+                ..*node
+            });
+            for part in &above.order[node.first as usize..(node.first + node.count) as usize] {
+                let (tree, _) = parts[*part as usize];
+                let place = joined.nodes.len() as u32;
+                let first = joined.order.len() as u32;
+                let moved = tree.nodes.iter().map(|node| BoundsNode {
+                    skip: node.skip + place,
+                    first: node.first + first,
+                    ..*node
+                });
+                joined.nodes.extend(moved);
+                let triangle = bases[*part as usize];
+                joined.order.extend(tree.order.iter().map(|i| i + triangle));
+            }
+        }
+        places.push(joined.nodes.len() as u32);
+        for (node, place) in above.nodes.iter().zip(&places) {
+            joined.nodes[*place as usize].skip = places[node.skip as usize];
+        }
+        joined
+    }
+
     /// Whether a segment meets any triangle between two shares of it, as shaders compute it.
     ///
     /// `triangles` are those that the tree was made of.
@@ -166,6 +234,70 @@ mod tests {
         }
         assert!((400..3600).contains(&met), "{met}");
         assert!(lost > 50, "boxes that are too small pass: {lost}");
+    }
+
+    #[test]
+    fn trees_that_moved_and_were_joined_find_the_same() {
+        let mut state = 11;
+        let mut cloud = |count: u32, size: f32| -> Vec<[Vec3; 3]> {
+            (0..count)
+                .map(|_| {
+                    let at = 0.4 * point(&mut state);
+                    std::array::from_fn(|_| at + size * point(&mut state))
+                })
+                .collect()
+        };
+        let meshes = [
+            cloud(90, 0.1),
+            cloud(1, 0.3),
+            Vec::new(),
+            cloud(40, 0.1),
+            cloud(7, 0.2),
+            cloud(60, 0.1),
+            // Without a place.
+            vec![[Vec3::NAN; 3]],
+        ];
+        let mut parts: Vec<(BoundsTree, Vec<[Vec3; 3]>)> = meshes
+            .into_iter()
+            .map(|triangles| (BoundsTree::new(&triangles), triangles))
+            .collect();
+        for (index, (tree, triangles)) in parts.iter_mut().enumerate() {
+            let shift = 0.2 * index as f32 - 0.5;
+            for corner in triangles.iter_mut().flatten() {
+                // A turn by a right angle, and a shift.
+                *corner = Vec3::new(-corner.y, corner.x, corner.z + shift);
+            }
+            tree.refit(triangles);
+        }
+        let (mut trees, mut all) = (Vec::new(), Vec::new());
+        for (tree, triangles) in &parts {
+            trees.push((tree, triangles.as_slice()));
+            all.extend_from_slice(triangles);
+        }
+        let joined = BoundsTree::join(&trees);
+        // Wrong: skips by one node too many.
+        let mut wrong = joined.clone();
+        for node in &mut wrong.nodes[2..] {
+            node.skip = node.skip.saturating_add(1);
+        }
+        let (mut met, mut lost) = (0, 0);
+        for _ in 0..4000 {
+            let origin = 1.5 * point(&mut state);
+            let segment = 1.5 * point(&mut state) - origin;
+            let range = [0.1, 0.9];
+            let one_by_one = all.iter().any(|[a, b, c]| {
+                let share = segment_triangle(origin, segment, *a, *b, *c);
+                share >= range[0] && share <= range[1]
+            });
+            let walked = joined.meets(&all, origin, segment, range);
+            assert_eq!(walked, one_by_one);
+            met += u32::from(walked);
+            lost += u32::from(walked && !wrong.meets(&all, origin, segment, range));
+        }
+        assert!((300..3700).contains(&met), "{met}");
+        assert!(lost > 20, "skips over too much pass: {lost}");
+        assert_eq!(joined.order.len(), all.len() - 1, "all that are finite");
+        assert_eq!(BoundsTree::join(&[]), BoundsTree::default());
     }
 
     #[test]

@@ -242,8 +242,9 @@ fn the_caustic_of_a_ring_has_its_energy() {
             100.0 * truth.sum(chosen) / truth.sum(anywhere)
         );
     }
-    // Metal on metal within the ring keeps it from being as good as the caustic.
-    let (most_energy, most_error) = (0.3, 0.45);
+    // The ring shows the table that it shadows: patches as large as the ring do not have its shadow, and leave a quarter too
+    // much light and 37 %.
+    let (most_energy, most_error) = (0.08, 0.2);
     assert!(
         energy.abs() <= most_energy && rmse <= most_error,
         "{energy} {rmse}"
@@ -278,7 +279,7 @@ fn a_screen_holds_back_what_a_wall_sends() {
         errors.push(error);
     }
     // Penumbrae of few rays between corners of patches.
-    let limit = 0.15;
+    let limit = 0.10;
     assert!(errors[0] > 2.0 * limit, "what nothing hides passes, too");
     assert!(
         errors[1..].iter().all(|error| *error <= limit),

@@ -1,6 +1,7 @@
 //! Headless render tests, in one binary: each further one would link the whole engine again.
 
 mod accuracy;
+mod blockers;
 mod budget;
 mod clusters;
 mod demand;

@@ -234,6 +234,11 @@ pub fn cost_table(report: &Report) -> String {
          RMSE\" is against a path-traced reference.\n",
         device.adapter, device.driver
     );
+    let _ = write!(
+        text,
+        "\nThe presets: time over that of `high`, and relative RMSE without the reference's own noise.\n\n{}",
+        preset_table(report)
+    );
     for curve in &report.curves {
         let _ = write!(
             text,

@@ -32,7 +32,9 @@ impl Default for MostBlockers {
     }
 }
 
-/// 4 MiB of boxes and corners on the GPU, which are written anew in every frame in which one of them moves.
+/// 4 MiB of boxes and corners on the GPU. Sorted once for each mesh: of 10,000 triangles 7 ms, of 100,000 136 ms. They are laid
+/// out anew in each frame in which one of them moves: 1 and 17 ms, and 1 and 12 ms for the boxes of one that has as many
+/// (development build; `cargo bench -p bevy_akari_benches --bench interreflection -- blockers`).
 const MOST_BLOCKERS: u32 = 65_536;
 
 /// A mesh that holds light back.

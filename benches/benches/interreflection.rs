@@ -1,8 +1,9 @@
 //! What interreflection costs by tier, preset and number of reflecting triangles, and how wrong each is.
 //!
 //! `cargo bench -p bevy_akari_benches --bench interreflection` prints the tables; with `-- write` it also writes
-//! `crates/akari_interreflection/docs/error_time.md` and its plot. Times are GPU spans of the adapter named in it, all in one
-//! run. With `-- blockers` it prints only the CPU time of the trees that rays walk.
+//! `crates/akari_interreflection/docs/error_time.md` and its plot; with `-- tiers`, `presets`, `rays`, `clusters` or `blockers`
+//! it measures that table alone. Times are GPU spans of the adapter named in it, all in one run, but for those of the trees
+//! that rays walk (`blockers`), which the CPU makes.
 
 use bevy::math::Affine3A;
 use bevy_akari::interreflection::blockers::{BlockerMesh, Blockers};
@@ -270,6 +271,18 @@ fn main() {
     // Without the driver.
     let adapter = adapter.split(" (Mesa").next().unwrap_or_default();
     let mut series = Vec::new();
+    let tables: [(&str, fn(&mut Corner) -> String); 4] = [
+        ("tiers", |corner| tiers(corner, &mut Vec::new())),
+        ("presets", |corner| presets(corner, &mut Vec::new())),
+        ("rays", shadow_rays),
+        ("clusters", clusters),
+    ];
+    for (name, table) in tables {
+        if std::env::args().any(|argument| argument == name) {
+            print!("{}", table(&mut corner));
+            return;
+        }
+    }
     let clusters = clusters(&mut corner);
     let tiers = tiers(&mut corner, &mut series);
     let presets = presets(&mut corner, &mut series);

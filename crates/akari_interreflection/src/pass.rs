@@ -4,13 +4,14 @@ use crate::pipeline::{AGGREGATE_LABEL, IRRADIANCE_LABEL, InterreflectionPipeline
 use crate::prepare::ViewReflectors;
 use crate::shading::CLASSIFY_LABEL;
 use crate::types::IRRADIANCE_WORKGROUP;
+use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    ComputePassDescriptor, LoadOp, Operations, PipelineCache, RenderPassDepthStencilAttachment,
-    RenderPassDescriptor, StoreOp,
+    LoadOp, Operations, PipelineCache, RenderPassDepthStencilAttachment, RenderPassDescriptor,
+    StoreOp,
 };
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset};
@@ -45,38 +46,23 @@ pub fn light_patches(
         },
         None => None,
     };
-    let diagnostics = ctx.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
     let corners: u32 = 3 * reflectors.patches;
     let workgroups = corners.div_ceil(IRRADIANCE_WORKGROUP);
-    let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, IRRADIANCE_LABEL);
-    {
-        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-            label: Some(IRRADIANCE_LABEL),
-            timestamp_writes: None,
-        });
+    gpu::compute(&mut ctx, IRRADIANCE_LABEL, |pass| {
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
         if let Some(blockers) = &reflectors.blocker_group {
             pass.set_bind_group(1, blockers, &[]);
         }
         pass.dispatch_workgroups(workgroups, 1, 1);
-    }
-    span.end(encoder);
+    });
     ledger.count_pass(IRRADIANCE_LABEL);
     if let Some((pipeline, group)) = aggregate {
-        let span = diagnostics.time_span(encoder, AGGREGATE_LABEL);
-        {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
-                label: Some(AGGREGATE_LABEL),
-                timestamp_writes: None,
-            });
+        gpu::compute(&mut ctx, AGGREGATE_LABEL, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
             pass.dispatch_workgroups(1, 1, 1);
-        }
-        span.end(encoder);
+        });
         ledger.count_pass(AGGREGATE_LABEL);
     }
     reflectors.stale = false;

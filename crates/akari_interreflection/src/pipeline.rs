@@ -5,6 +5,7 @@ use crate::types::{
     GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
     GpuTriangle,
 };
+use akari_render::gpu;
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::prelude::*;
@@ -45,11 +46,6 @@ pub struct InterreflectionPipelines {
     pub table_sampler: Sampler,
     irradiance_shader: Handle<Shader>,
     shade_shader: Handle<Shader>,
-}
-
-/// Bytes of the LTC table on the GPU.
-pub fn ltc_table_bytes() -> u64 {
-    akari_math::ltc::table::TABLE_BYTES.len() as u64
 }
 
 impl InterreflectionPipelines {
@@ -144,46 +140,12 @@ impl InterreflectionPipelines {
             blocker_layout,
             aggregate,
             classify,
-            ltc_table: upload_ltc_table(device, queue),
-            table_sampler: device.create_sampler(&SamplerDescriptor {
-                label: Some("akari_interreflection_table_sampler"),
-                mag_filter: FilterMode::Linear,
-                min_filter: FilterMode::Linear,
-                ..default()
-            }),
+            ltc_table: gpu::ltc_table(device, queue, "akari_interreflection_ltc_table"),
+            table_sampler: gpu::linear_sampler(device, "akari_interreflection_table_sampler"),
             irradiance_shader: load_embedded_asset!(assets, "irradiance.wgsl"),
             shade_shader: load_embedded_asset!(assets, "shade.wgsl"),
         }
     }
-}
-
-/// The fitted table as a texture array of two layers.
-fn upload_ltc_table(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
-    use akari_math::ltc::table::{SIZE, TABLE_BYTES};
-    let size = SIZE as u32;
-    let texture = device.create_texture_with_data(
-        queue,
-        &TextureDescriptor {
-            label: Some("akari_interreflection_ltc_table"),
-            size: Extent3d {
-                width: size,
-                height: size,
-                depth_or_array_layers: 2,
-            },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format: TextureFormat::Rgba16Float,
-            usage: TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        },
-        TextureDataOrder::LayerMajor,
-        TABLE_BYTES,
-    );
-    texture.create_view(&TextureViewDescriptor {
-        dimension: Some(TextureViewDimension::D2Array),
-        ..default()
-    })
 }
 
 /// Marking pixels by their kind as a depth, or drawing those of one kind.
@@ -236,11 +198,6 @@ impl SpecializedRenderPipeline for InterreflectionPipelines {
     type Key = ShadeKey;
 
     fn specialize(&self, key: ShadeKey) -> RenderPipelineDescriptor {
-        let add = BlendComponent {
-            src_factor: BlendFactor::One,
-            dst_factor: BlendFactor::One,
-            operation: BlendOperation::Add,
-        };
         let layout = vec![self.shade_layout.clone()];
         let (layout, mut shader_defs) = with_rays(layout, &self.blocker_layout, key.shadow_rays);
         shader_defs.extend(key.definitions());
@@ -256,14 +213,7 @@ impl SpecializedRenderPipeline for InterreflectionPipelines {
             fragment: Some(FragmentState {
                 shader: self.shade_shader.clone(),
                 shader_defs,
-                targets: vec![Some(ColorTargetState {
-                    format: key.target_format,
-                    blend: Some(BlendState {
-                        color: add,
-                        alpha: add,
-                    }),
-                    write_mask: ColorWrites::COLOR,
-                })],
+                targets: vec![Some(gpu::light_target(key.target_format, true))],
                 ..default()
             }),
             ..default()

@@ -5,7 +5,7 @@ use crate::blockers::Blockers;
 use crate::clusters::Clusters;
 use crate::geometry::bends;
 use crate::lights::{ReflectedLights, pack_lights};
-use crate::pipeline::{InterreflectionPipelines, ltc_table_bytes};
+use crate::pipeline::InterreflectionPipelines;
 use crate::receivers::ReceiverKinds;
 use crate::scene::{BlockerScene, ReflectorScene, Triangles, ViewInterreflection, cut};
 use crate::settings::MOST_SHADOW_RAYS;
@@ -15,6 +15,7 @@ use crate::types::{
     GpuTriangle,
 };
 use akari_render::area_lights::AreaLightPolygons;
+use akari_render::gpu::LTC_TABLE_BYTES;
 use akari_render::prelude::*;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -251,7 +252,7 @@ pub fn prepare_pipelines(
     ));
     commands.init_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
     commands.init_resource::<SpecializedComputePipelines<InterreflectionPipelines>>();
-    ledger.set_bytes(EFFECT, "LTC table", ltc_table_bytes());
+    ledger.set_bytes(EFFECT, "LTC table", LTC_TABLE_BYTES);
 }
 
 /// Elements as the GPU reads them; one default element where there are none, since a binding cannot be empty.

@@ -11,7 +11,7 @@
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
 #import akari_voxel_gi::lighting::{due_owner, lighting, mark_lit}
 #import akari_voxel_gi::records::{VoxelFace, dither, count_faces, faces_of_page, load_face}
-#import akari_voxel_gi::trace::{VoxelRay, trace_voxels, voxel_clipmap, voxel_coverage}
+#import akari_voxel_gi::trace::{VoxelRay, goes_on_beyond, trace_voxels, voxel_clipmap, voxel_coverage}
 #import akari_voxel_gi::types::{IRRADIANCE_STRIDE, LAMPS_ELSEWHERE_BIT, UNKNOWN_IRRADIANCE}
 
 // Four vectors a light, then corners of polygons. See `lights.rs`.
@@ -36,7 +36,8 @@ const LIGHT_STRIDE: u32 = 4u;
 
 // What comes through along the way to a light.
 fn visibility(face: VoxelFace, direction: vec3<f32>, reach: f32) -> f32 {
-    return trace_voxels(VoxelRay(face.position, direction, face.surface.normal, 0.0, reach, 0u)).transmittance;
+    let traced = trace_voxels(VoxelRay(face.position, direction, face.surface.normal, 0.0, reach, 0u));
+    return select(traced.transmittance, 0.0, traced.enclosed);
 }
 
 // Irradiance of a point, spot or directional light.
@@ -50,7 +51,10 @@ fn irradiance_of_point(face: VoxelFace, light: u32) -> vec3<f32> {
         if cosine <= 0.0 {
             return vec3(0.0);
         }
-        return color.rgb * (cosine * visibility(face, axis.xyz, lighting.reach));
+        goes_on_beyond = true;
+        let seen = visibility(face, axis.xyz, lighting.reach);
+        goes_on_beyond = false;
+        return color.rgb * (cosine * seen);
     }
     let offset = place.xyz - face.position;
     let distance_squared = dot(offset, offset);

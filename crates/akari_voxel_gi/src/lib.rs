@@ -22,7 +22,15 @@
 //! **Sky**: the camera's [`EnvironmentMapLight`] and ambient light shine where cones leave
 //! the voxels, so that what is in the way shades them; the voxels are lit by the sky of the camera that the clipmap
 //! follows. Bevy's own, which nothing shades, is left out of such a camera's deferred lighting, as are its light
-//! probes. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room.
+//! probes. [`VoxelGiInterior`](sky::VoxelGiInterior) keeps the sky out of a room. A cone that leaves the last cascade by a side
+//! where a roof is overhead stays indoors: it goes on in the mirror image of what it leaves. In a hall of 60 m with cascades of 6.4 m
+//! none of the sky is left (below 0.01 %), and an open field sees all of it (99.8 %).
+//!
+//! **Shadows in voxels**: voxels are lit by point, spot and directional lights with shadows by rays through the voxels, not by
+//! Bevy's shadow maps: those are there only for lights with shadows on, cover only what some camera sees, and end where a
+//! cascade does, while what lights a room is often behind the camera. What that costs, of a floor's voxels of 5 cm by themselves
+//! against exact rays (`tests/voxels/shadows.rs`, relative RMSE and bias): behind a pillar 8 % (+0.8 %), under bars of four voxels 20 %
+//! (-1.3 %), under bars of one voxel 27 % (+0.1 %). The error is at the edges of shadows, where one ray stands for a voxel.
 //!
 //! **Metal**: cones of pixels follow the lobe of rough metal, and of metal whose image of lamps another effect draws
 //! ([`MirrorsLight`](akari_render::emission::MirrorsLight)), by one ray, and one to a lamp.
@@ -31,7 +39,8 @@
 //!
 //! **Limits**: other metal bounces diffusely in voxels, so that it throws no caustics; so does all metal for cones of voxels. Without
 //! [`VoxelGi::feedback`](settings::VoxelGi::feedback) the sky lights pixels, but bounces off nothing. Beyond the last cascade
-//! nothing shades the sky. What is drawn forward has the environment map unshaded, and no ambient light.
+//! nothing shades the sky where there is no roof, and nothing but the mirror image of the clipmap where there is one; a roof above the
+//! clipmap's top is none. What is drawn forward has the environment map unshaded, and no ambient light.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;

@@ -6,7 +6,7 @@
 // sends.
 
 #import akari_math::voxel::cone::{box_exit, cone_roughness}
-#import akari_voxel_gi::trace::{VoxelRay, VoxelTrace, trace_voxels}
+#import akari_voxel_gi::trace::{VoxelRay, VoxelTrace, goes_on_beyond, trace_voxels}
 #ifdef MIRRORS
 #import akari_math::random::random_hash
 #import akari_voxel_gi::mirrors::{MirroredLight, mirror_light}
@@ -102,7 +102,7 @@ fn interior_reach(origin: vec3<f32>, direction: vec3<f32>) -> f32 {
 }
 
 // What comes along a cone from voxels, and from the sky beside them; the latter as a cone of `sky_tangent` sees it. Out of an
-// interior nothing comes.
+// interior nothing comes. What leaves the last level under a roof stays in that room, see `goes_on_beyond`.
 //
 // With MIRRORS, what metal sends to the cone is followed: one ray goes on from it, and one to a lamp. What that ray meets
 // sends what its voxels hold, metal too.
@@ -120,7 +120,9 @@ fn trace_light(cone: VoxelRay, sky_tangent: f32) -> VoxelTrace {
     for (var segment = FIRST; segment <= LAST_SEGMENT; segment++) {
         let room = interior_reach(ray.origin, ray.direction);
         var is_open = room < 0.0;
+        goes_on_beyond = true;
 #ifdef MIRRORS
+        goes_on_beyond = segment != TO_LAMP && !(segment == MIRRORED && mirrored.lamp_distance > 0.0);
         leave_metal = segment == FIRST;
         if segment == MIRRORED && mirrored.lamp_distance > 0.0 {
             ray.reach = 0.999 * mirrored.lamp_distance;
@@ -144,7 +146,7 @@ fn trace_light(cone: VoxelRay, sky_tangent: f32) -> VoxelTrace {
             is_open = false;
         }
 #endif
-        if is_open && traced.transmittance > 0.0 {
+        if is_open && !traced.enclosed && traced.transmittance > 0.0 {
             radiance += traced.transmittance * sky_radiance(ray.direction, sky_tangent);
         }
         result.radiance += throughput * radiance;

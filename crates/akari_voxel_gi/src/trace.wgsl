@@ -59,6 +59,17 @@ const MAX_RECIPROCAL: f32 = 1e7;
 // A ray ends where less than this of its light comes through.
 const MIN_TRANSMITTANCE: f32 = 0.004;
 
+// Whether rays that leave the last level under a roof go on in its mirror image: what they would meet is not known, but that it
+// is a room is, and what its other end sends is the best guess at it. For those that look for the sky; not for those to lamps.
+var<private> goes_on_beyond: bool = false;
+
+// Mirror images after which a ray sees nothing any more.
+const MOST_IMAGES: u32 = 4u;
+// Part of a column over a place that has to be covered from above.
+const ROOF_COVERAGE: f32 = 0.5;
+// The face that is turned down.
+const FACE_DOWN: u32 = 3u;
+
 #ifdef PLAIN_CONES
 // Whether rays march as plain isotropic cones do. The debug view of leaks compares them with rays that do not.
 var<private> march_plainly: bool = true;
@@ -109,6 +120,8 @@ struct VoxelTrace {
     radiance: vec3<f32>,
     // What passes all of them.
     transmittance: f32,
+    // Whether that is still in the room that the ray left the last level by, and meets no sky.
+    enclosed: bool,
     // Mean distance of what was met, metres; 0 if nothing was.
     distance: f32,
 #ifdef CASTERS
@@ -163,6 +176,23 @@ fn plane_coverage(covered: vec2<u32>, normal: vec3<f32>) -> f32 {
     return coverage_of_face(covered, face);
 }
 
+// Record of a voxel in which something is turned to `face`; `otherwise` where nothing is.
+fn record_of_face(level: u32, voxel: vec3<i32>, face: u32, otherwise: u32) -> u32 {
+    if any(voxel < vec3(0)) || any(voxel >= vec3(i32(voxel_clipmap.levels[level].bricks) * 4)) {
+        return otherwise;
+    }
+    let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (voxel >> vec3(2u)))];
+    let index = voxel_index(vec3<u32>(voxel & vec3(3)));
+    if !mask_holds(brick.xy, index) {
+        return otherwise;
+    }
+    let record = record_index(brick.zw, mask_rank(brick.xy, index));
+    if coverage_of_face(voxel_coverage[record], face) == 0.0 {
+        return otherwise;
+    }
+    return record;
+}
+
 #ifdef TRACE_RADIANCE
 // Record that stands for that of `voxel` where `face` of it was met, at up to half a voxel from there: in the mean over rays,
 // what is read of it is the linear interpolation between voxels.
@@ -170,19 +200,10 @@ fn smooth_record(level: u32, voxel: vec3<i32>, record: u32, face: u32, met: vec3
     let random = random_hash(vec3(seed, record, face));
     let jitter = vec3(random_unit(random.x), random_unit(random.y), random_unit(random.z)) - 0.5;
     let other = vec3<i32>(floor(met + jitter));
-    if all(other == voxel) || any(other < vec3(0)) || any(other >= vec3(i32(voxel_clipmap.levels[level].bricks) * 4)) {
+    if all(other == voxel) {
         return record;
     }
-    let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (other >> vec3(2u)))];
-    let index = voxel_index(vec3<u32>(other & vec3(3)));
-    if !mask_holds(brick.xy, index) {
-        return record;
-    }
-    let neighbour = record_index(brick.zw, mask_rank(brick.xy, index));
-    if coverage_of_face(voxel_coverage[neighbour], face) == 0.0 {
-        return record;
-    }
-    return neighbour;
+    return record_of_face(level, other, face, record);
 }
 #endif
 
@@ -301,8 +322,38 @@ fn cross_voxel(ray: VoxelRay, level: u32, low: vec3<i32>, record: u32, entry: ve
     return result;
 }
 
+// Whether something covers a place of the last cascade from above. By the level after that, where there is one.
+fn under_roof(place: vec3<f32>) -> bool {
+    let level = min(voxel_clipmap.cascades, voxel_clipmap.level_count - 1u);
+    let edge = 4 * i32(voxel_clipmap.levels[level].bricks);
+    var voxel = clamp(vec3<i32>(floor(level_position(level, place))), vec3(0), vec3(edge - 1));
+    var covered = 0.0;
+    while voxel.y < edge && covered < ROOF_COVERAGE {
+        let brick = voxel_bricks[slot_of_brick(voxel_clipmap.levels[level], voxel_clipmap.levels[level].origin + (voxel >> vec3(2u)))];
+        let index = voxel_index(vec3<u32>(voxel & vec3(3)));
+        if all(brick.xy == vec2(0u)) {
+            voxel.y = (voxel.y | 3) + 1;
+            continue;
+        }
+        if mask_holds(brick.xy, index) {
+            covered += coverage_of_face(voxel_coverage[record_index(brick.zw, mask_rank(brick.xy, index))], FACE_DOWN);
+        }
+        voxel.y++;
+    }
+    return covered >= ROOF_COVERAGE;
+}
+
+// Where the line from the camera, which the clipmap is about, to a place beyond leaves the clipmap.
+fn seen_edge(place: vec3<f32>, low: vec3<f32>, high: vec3<f32>) -> vec3<f32> {
+    let ends = select(-low, high, place >= vec3(0.0)) / max(abs(place), vec3(1e-6));
+    return min(min(min(ends.x, ends.y), ends.z), 1.0) * place;
+}
+
 // What comes along a ray or a cone.
-fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
+fn trace_voxels(start: VoxelRay) -> VoxelTrace {
+    var ray = start;
+    var images = 0u;
+    var was_inside = false;
     var result: VoxelTrace;
     result.transmittance = 1.0;
 #ifdef CASTERS
@@ -311,13 +362,13 @@ fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
 #ifdef MIRRORS
     result.metal = no_metal();
 #endif
-    let reciprocal = select(
+    var reciprocal = select(
         sign(ray.direction) * min(1.0 / max(abs(ray.direction), vec3(1e-20)), vec3(MAX_RECIPROCAL)),
         vec3(MAX_RECIPROCAL),
         ray.direction == vec3(0.0),
     );
     // Ends of cells lie ahead: at their high side where the ray goes up.
-    let ahead = select(vec3(0.0), vec3(1.0), ray.direction >= vec3(0.0));
+    var ahead = select(vec3(0.0), vec3(1.0), ray.direction >= vec3(0.0));
     var level = 0u;
     var t = 0.0;
     var distances = 0.0;
@@ -334,8 +385,41 @@ fn trace_voxels(ray: VoxelRay) -> VoxelTrace {
             level++;
         }
         if level >= voxel_clipmap.level_count {
-            break;
+            if !goes_on_beyond {
+                break;
+            }
+            let last = voxel_clipmap.level_count - 1u;
+            let size = voxel_clipmap.levels[last].voxel_size;
+            let low = -voxel_clipmap.levels[last].anchor;
+            let width = vec3(size * f32(4u * voxel_clipmap.levels[last].bricks));
+            // What starts outside is seen from within: there the line of sight left.
+            let edge = select(seen_edge(relative, low, low + width), relative, was_inside);
+            // There is no roof over what leaves by the top.
+            if edge.y >= low.y + width.y - STEP_BEYOND * size || !under_roof(edge) {
+                break;
+            }
+            images += u32(was_inside);
+            if images > MOST_IMAGES {
+                result.enclosed = true;
+                break;
+            }
+            let image = floor((relative - low) / width);
+            let within = relative - image * width;
+            let is_mirrored = (vec3<i32>(image) & vec3(1)) != vec3(0);
+            ray.direction = select(ray.direction, -ray.direction, is_mirrored);
+            ray.origin = select(within, 2.0 * low + width - within, is_mirrored) - t * ray.direction;
+            ray.normal = select(ray.normal, -ray.normal, is_mirrored);
+            reciprocal = select(reciprocal, -reciprocal, is_mirrored);
+            ahead = select(ahead, 1.0 - ahead, is_mirrored);
+            level = voxel_clipmap.cascades - 1u;
+            was_inside = true;
+#ifdef MIRRORS
+            // Its mirror image would send the ray on the wrong way.
+            leave_metal = false;
+#endif
+            continue;
         }
+        was_inside = true;
         // What is not yet known here may be known to a coarser level.
         var here = level;
         var position = level_position(here, relative);

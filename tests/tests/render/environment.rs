@@ -1,5 +1,6 @@
 //! Light of the sky: as bright as it has to be, once, as paths have it, and not where it is kept out.
 
+use akari_math::directional_albedo::ggx_directional_albedo;
 use akari_reference::{NoProgress, Options, render};
 use akari_scene::exr_io::{RgbImage, write_rgb};
 use akari_scene::{Environment, Scene};
@@ -170,6 +171,68 @@ fn a_ball_in_an_even_sky_is_as_bright_as_its_albedo() {
     world.insert_resource(ambient);
     let again = around(&draw(&mut headless, camera, 3), BALL, 4, ALBEDO).0;
     assert!((again / bevys - 1.0).abs() < 1e-3, "{again} is not {bevys}");
+}
+
+/// A metal ball in an even sky reflects what its lobes reflect of light from everywhere, whatever its roughness, also where it
+/// is seen at a grazing angle.
+#[test]
+fn a_metal_ball_in_an_even_sky_is_as_bright_as_its_lobes() {
+    let view = Transform::from_xyz(0.0, 0.0, 3.6);
+    for roughness in [0.1, 0.25, 0.4, 0.7] {
+        let Some(mut headless) = headless_or_skip("a_metal_ball") else {
+            return;
+        };
+        let metal = StandardMaterial {
+            base_color: Color::WHITE,
+            metallic: 1.0,
+            perceptual_roughness: roughness,
+            ..default()
+        };
+        spawn(
+            &mut headless,
+            Sphere::new(1.0).mesh().uv(64, 32),
+            Transform::default(),
+            metal,
+        );
+        headless
+            .app
+            .world_mut()
+            .insert_resource(GlobalAmbientLight {
+                brightness: 1.0,
+                ..default()
+            });
+        let camera = camera(&mut headless, view);
+        headless
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .insert(settings());
+        let image = draw(&mut headless, camera, 24);
+        // By the cosine of normal and view, of the pixels that show the ball.
+        let (mut sums, mut counts) = ([0.0_f32; 2], [0_u32; 2]);
+        let half = (PerspectiveProjection::default().fov * 0.5).tan();
+        for (i, [_, g, _, _]) in image.data.iter().enumerate() {
+            let (x, y) = (i as u32 % SIDE, i as u32 / SIDE);
+            let place = |at: u32| ((at as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * half;
+            let direction = Vec3::new(place(x), -place(y), -1.0).normalize();
+            let eye = view.translation;
+            let along = -eye.dot(direction);
+            let inside = 1.0 - (eye + along * direction).length_squared();
+            // Its edge is a polygon.
+            if inside < 0.05 {
+                continue;
+            }
+            let n_dot_v = inside.sqrt();
+            let expected = ggx_directional_albedo(Vec3::ONE, 1.0, roughness, n_dot_v).x;
+            let ring = usize::from(n_dot_v < 0.6);
+            sums[ring] += g / expected;
+            counts[ring] += 1;
+        }
+        let [middle, rim] = [0, 1].map(|ring| sums[ring] / counts[ring] as f32);
+        println!("metal of roughness {roughness}: middle {middle:.3}, rim {rim:.3}");
+        assert!((middle - 1.0).abs() < 0.03, "{roughness}: {middle}");
+        assert!((rim - 1.0).abs() < 0.05, "{roughness}: {rim}");
+    }
 }
 
 #[test]

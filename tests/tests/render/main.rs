@@ -8,6 +8,7 @@ mod demand;
 mod denoise;
 mod elision;
 mod environment;
+mod halls;
 mod hard_cases;
 mod indirect;
 mod indirect_quality;

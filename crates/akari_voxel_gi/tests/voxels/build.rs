@@ -34,6 +34,7 @@ struct Face {
     normal: DVec3,
     albedo: f64,
     emission: f64,
+    place: DVec3,
 }
 
 /// One level: `bricks` of 4³ voxels of edge `voxel` along each axis, from brick `origin` of the world.
@@ -54,6 +55,8 @@ pub struct Voxels {
     pub owners: Vec<u32>,
     /// Element `6 record + face`: area that it stands for, each patch of a plane counted once; level.
     pub areas: Vec<(f64, usize)>,
+    /// Centroid of each face, metres.
+    pub places: Vec<DVec3>,
 }
 
 /// By how much surfaces are moved into the solid, in voxels, as by the voxelizer.
@@ -151,6 +154,7 @@ fn voxelize(level: &Level, polygons: &[Polygon]) -> BTreeMap<[i32; 3], [Face; 6]
                         if part > 1e-6 {
                             face.area += part;
                             face.centroid += part * local;
+                            face.place += part * centroid;
                             face.normal += part * normal;
                             face.albedo += part * polygon.albedo;
                             face.emission += part * polygon.emission;
@@ -175,6 +179,7 @@ impl Voxels {
             emission: Vec::new(),
             owners: Vec::new(),
             areas: Vec::new(),
+            places: Vec::new(),
         };
         let mut first_slot = 0;
         for (index, level) in levels.iter().enumerate() {
@@ -256,6 +261,7 @@ impl Voxels {
                 .push(voxel_radiance_pack(emission, Vec3::splat(0.5)));
             let area = face.area * normal[f / 2].abs() * level.voxel * level.voxel;
             self.areas.push((area, index));
+            self.places.push(face.place / share * level.voxel);
         }
     }
 }

@@ -11,7 +11,7 @@ const SIZE: f64 = 2.4;
 const RESOLUTION: u32 = 64;
 const VOXEL: f64 = 0.05;
 /// Candela, or lux.
-const STRENGTH: f64 = 40.0;
+pub const STRENGTH: f64 = 40.0;
 const CENTER: DVec3 = DVec3::new(1.6, 1.61, 1.59);
 
 fn voxels(polygons: &[Polygon]) -> Voxels {
@@ -40,7 +40,7 @@ fn mean(polygons: &[Polygon], lamp: [[f32; 4]; 4], bounces: u32) -> f64 {
 }
 
 /// The buffer's vectors of a light at a place relative to the middle of the box, which is the anchor.
-fn lamp(kind: f32, place: DVec3, axis: DVec3, cone: [f32; 2]) -> [[f32; 4]; 4] {
+pub fn lamp(kind: f32, place: DVec3, axis: DVec3, cone: [f32; 2]) -> [[f32; 4]; 4] {
     let (place, axis) = (place.as_vec3(), axis.as_vec3());
     let strength = STRENGTH as f32;
     [

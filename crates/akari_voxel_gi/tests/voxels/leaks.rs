@@ -12,7 +12,7 @@ const VOXEL: f64 = 0.05;
 const ROOM: DVec3 = DVec3::new(22.0, 24.0, 40.0);
 
 /// Six rectangles around a box, seen from outside, or from inside.
-fn block(
+pub fn block(
     low: DVec3,
     high: DVec3,
     inside: bool,

@@ -5,3 +5,4 @@ mod furnace;
 mod lamps;
 mod leaks;
 mod passes;
+mod shadows;

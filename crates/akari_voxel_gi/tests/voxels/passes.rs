@@ -215,6 +215,13 @@ impl<'a> Lit<'a> {
         self.frame += 1;
     }
 
+    /// Radiance that leaves each face.
+    pub fn outgoing(&self) -> Vec<f64> {
+        let words = self.radiance.read(self.gpu);
+        let radiance = words.iter().map(|word| voxel_radiance_unpack(*word).x);
+        radiance.map(f64::from).collect()
+    }
+
     /// Mean irradiance over the area of the faces of one level.
     pub fn mean_irradiance(&self, voxels: &Voxels, level: usize) -> f64 {
         let words = self.irradiance.read(self.gpu);

@@ -69,6 +69,20 @@ fn stop(mut world: DeferredWorld, context: HookContext) {
 }
 
 impl VoxelGi {
+    /// Knobs that a frame's budget leaves where they are: those that make all voxels anew, and those that say what is drawn,
+    /// not how exactly.
+    pub const FIXED_KNOBS: [&str; 9] = [
+        "resolution",
+        "cascades",
+        "voxel_size",
+        "pages",
+        "bricks_per_frame",
+        "feedback",
+        "specular_cones",
+        "shadow_cones",
+        "plain_cones",
+    ];
+
     /// Pixels per traced one and axis.
     pub fn signal_scale(&self) -> u32 {
         match self.scale {

@@ -46,7 +46,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// What an app needs.
 pub mod prelude {
     pub use crate::AkariPlugins;
-    pub use crate::budget::{BudgetLog, FrameBudget, FrameBudgetPlugin};
+    pub use crate::budget::{BudgetLog, FrameBudget, FrameBudgetPlugin, NoFrameBudget};
     pub use crate::diagnostics::{AkariDiagnosticsPlugin, AkariOverlay, AkariSummary};
     pub use crate::settings::AkariSettings;
     pub use akari_area_light::prelude::*;

@@ -7,6 +7,7 @@ use akari_interreflection::settings::{DefaultInterreflection, Interreflection};
 use akari_lobes::settings::{DefaultSpecularLobes, SpecularLobes};
 use akari_render::quality::{Knob, KnobError, Knobs, Quality};
 use akari_voxel_gi::settings::VoxelGi;
+use bevy::ecs::component::Mutable;
 use bevy::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -184,6 +185,29 @@ impl AkariSettings {
         world.insert_resource(DefaultInterreflection(self.interreflection));
     }
 
+    /// The settings that a camera draws with: its own, and for effects of which it has none those of every such camera.
+    pub fn of_camera(world: &World, camera: Entity) -> Self {
+        let common = Self::of_world(world);
+        Self {
+            area_lights: own(world, camera).unwrap_or(common.area_lights),
+            shadows: own(world, camera).unwrap_or(common.shadows),
+            lobes: own(world, camera).unwrap_or(common.lobes),
+            denoise: own(world, camera).unwrap_or(common.denoise),
+            voxel_gi: own(world, camera).unwrap_or(common.voxel_gi),
+            interreflection: own(world, camera).unwrap_or(common.interreflection),
+        }
+    }
+
+    /// Makes them a camera's own, for effects of which it has settings of its own; the others stay common.
+    pub fn apply_to_camera(&self, world: &mut World, camera: Entity) {
+        set_own(world, camera, self.area_lights);
+        set_own(world, camera, self.shadows);
+        set_own(world, camera, self.lobes);
+        set_own(world, camera, self.denoise);
+        set_own(world, camera, self.voxel_gi);
+        set_own(world, camera, self.interreflection);
+    }
+
     /// As a RON document.
     ///
     /// # Errors
@@ -205,6 +229,22 @@ impl AkariSettings {
                 .map_err(|error| error.to_string())?;
         }
         Ok(checked)
+    }
+}
+
+/// A camera's own settings of an effect.
+fn own<T: Component + Copy>(world: &World, camera: Entity) -> Option<T> {
+    world.get::<T>(camera).copied()
+}
+
+/// Changes a camera's own settings of an effect, if it has some, and they are others.
+fn set_own<T: Component<Mutability = Mutable> + PartialEq>(
+    world: &mut World,
+    camera: Entity,
+    settings: T,
+) {
+    if let Some(mut own) = world.get_mut::<T>(camera) {
+        own.set_if_neq(settings);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::document::{Point, Report, front};
 use bevy_akari::budget::ladders::{Ladder, Rung};
+use bevy_akari::prelude::VoxelGi;
 use std::collections::BTreeMap;
 
 /// What the passes of an effect begin with.
@@ -10,6 +11,7 @@ fn passes_of(effect: &str) -> &'static str {
         "area_lights" | "shadows" => "akari_area_light",
         "interreflection" => "akari_interreflection",
         "denoise" => "akari_denoise",
+        "voxel_gi" => "akari_voxel_gi",
         _ => "akari_",
     }
 }
@@ -19,9 +21,8 @@ fn passes_of(effect: &str) -> &'static str {
 pub fn ladders(report: &Report) -> Vec<Ladder> {
     let mut effects: Vec<&str> = Vec::new();
     for curve in &report.curves {
-        // Settings of voxel GI are on each camera, where a frame budget leaves them alone; most of them make all voxels
-        // anew. Lobes are filtered or not: no ladder.
-        if matches!(curve.effect.as_str(), "voxel_gi" | "lobes") {
+        // Lobes are filtered or not: no ladder.
+        if curve.effect == "lobes" {
             continue;
         }
         if !effects.contains(&curve.effect.as_str()) {
@@ -39,6 +40,15 @@ pub fn ladders(report: &Report) -> Vec<Ladder> {
         .collect()
 }
 
+/// Knobs of an effect that a frame budget leaves where they are.
+fn fixed(effect: &str) -> &'static [&'static str] {
+    if effect == "voxel_gi" {
+        &VoxelGi::FIXED_KNOBS
+    } else {
+        &[]
+    }
+}
+
 fn rungs(report: &Report, effect: &str) -> Vec<Rung> {
     let curves: Vec<_> = report
         .curves
@@ -51,8 +61,14 @@ fn rungs(report: &Report, effect: &str) -> Vec<Rung> {
         let Some(default) = curve.points.first() else {
             continue;
         };
+        let fixed = fixed(effect);
         let mut seen: Vec<&BTreeMap<String, f32>> = Vec::new();
         for point in &curve.points {
+            // What turns one of these is on no ladder.
+            let differs = |knob: &&str| point.settings.get(*knob) != default.settings.get(*knob);
+            if fixed.iter().any(differs) {
+                continue;
+            }
             let own_error = |point: &Point| curve.reference.own_error(point.error.rel_rmse);
             let (time, error) = (
                 point.cost_ms() / default.cost_ms(),
@@ -107,7 +123,29 @@ fn rungs(report: &Report, effect: &str) -> Vec<Rung> {
             ladder.push(rung);
         }
     }
+    if !fixed(effect).is_empty() {
+        name_what_is_turned(&mut ladder);
+    }
     ladder
+}
+
+/// Of settings that each camera has for itself, a rung names only what another rung has otherwise: the rest is the scene's.
+fn name_what_is_turned(rungs: &mut [Rung]) {
+    let Some(first) = rungs.first().cloned() else {
+        return;
+    };
+    let turned: Vec<String> = first
+        .settings
+        .into_iter()
+        .filter(|(knob, value)| {
+            let mut others = rungs.iter();
+            others.any(|rung| rung.settings.get(knob) != Some(value))
+        })
+        .map(|(knob, _)| knob)
+        .collect();
+    for rung in rungs {
+        rung.settings.retain(|knob, _| turned.contains(knob));
+    }
 }
 
 #[cfg(test)]
@@ -134,6 +172,51 @@ mod tests {
             passes: Vec::new(),
             on_front: false,
         }
+    }
+
+    /// A setting of voxel GI.
+    fn cones(cones: f32, resolution: f32, ms: f64, off: f32) -> Point {
+        Point {
+            settings: [
+                ("cones", cones),
+                ("resolution", resolution),
+                ("history", 32.0),
+            ]
+            .map(|(knob, value)| (knob.to_owned(), value))
+            .into(),
+            ..point(cones, ms, off)
+        }
+    }
+
+    #[test]
+    fn a_budget_is_offered_no_setting_that_makes_voxels_anew() {
+        let mut voxels = curve(vec![
+            cones(9.0, 128.0, 4.0, 0.1),
+            cones(1.0, 128.0, 2.0, 0.4),
+            // Would be on the front.
+            cones(9.0, 64.0, 1.0, 0.2),
+        ]);
+        voxels.effect = "voxel_gi".to_owned();
+        let rungs = rungs_of(&[voxels]);
+        let settings: Vec<_> = rungs.iter().map(|rung| rung.settings.clone()).collect();
+        let only = |cones: f32| BTreeMap::from([("cones".to_owned(), cones)]);
+        assert_eq!(settings, [only(1.0), only(9.0)]);
+    }
+
+    fn rungs_of(curves: &[Curve]) -> Vec<Rung> {
+        let report = Report {
+            schema: SCHEMA,
+            version: String::new(),
+            quick: true,
+            device: Device {
+                adapter: String::new(),
+                kind: String::new(),
+                backend: String::new(),
+                driver: String::new(),
+            },
+            curves: curves.to_vec(),
+        };
+        ladders(&report).remove(0).rungs
     }
 
     fn curve(points: Vec<Point>) -> Curve {

@@ -11,7 +11,9 @@
 //!
 //! [`FrameBudgetPlugin`], one of `AkariPlugins`, reads the time spans of our passes, and moves each effect along its
 //! [`Ladder`]: the settings that no other setting beats in both time and error, as `akari report` measured them. It
-//! begins at the rung nearest to the present settings, and changes those of all cameras (`Default…` resources); a camera that has a component of its own keeps it.
+//! begins at the rung nearest to the present settings, and changes those of all cameras: the `Default…` resources, and the
+//! components that a camera has of its own, [`VoxelGi`](crate::prelude::VoxelGi) among them. Knobs that no rung names stay as
+//! they are; so do the components of a camera with [`NoFrameBudget`].
 //! [`BudgetLog`] tells what was changed and why. Without the resource [`FrameBudget`] nothing is done. Bevy's `RenderDiagnosticsPlugin` measures the
 //! times, which costs a little by itself; without it, or on a device without timestamps, settings stay as they are, and a
 //! warning says so.
@@ -23,6 +25,7 @@ mod simulated;
 
 use crate::pass_times::pass_times;
 use crate::settings::AkariSettings;
+use akari_render::prelude::AkariCamera;
 use bevy::diagnostic::DiagnosticsStore;
 use bevy::prelude::*;
 use controller::{Change, Controller, FrameCost};
@@ -36,6 +39,12 @@ pub struct FrameBudget {
     /// Milliseconds, above 0. Passes of the engine and of others do not count.
     pub gpu_ms: f32,
 }
+
+/// On a camera: [`FrameBudget`] leaves the settings alone that it has as components of its own. Its passes count, all the
+/// same.
+#[derive(Component, Debug, Default, Clone, Copy, PartialEq, Reflect)]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct NoFrameBudget;
 
 /// What the budget did, oldest first.
 #[derive(Resource, Debug, Default, Clone)]
@@ -89,6 +98,7 @@ impl Plugin for FrameBudgetPlugin {
             Vec::new()
         });
         app.register_type::<FrameBudget>()
+            .register_type::<NoFrameBudget>()
             .init_resource::<BudgetLog>()
             .insert_resource(Budgeting {
                 ladders,
@@ -130,28 +140,27 @@ fn hold_budget(world: &mut World) {
         } = &mut *budgeting;
         let controller = controller.get_or_insert_with(|| {
             let mut controller = Controller::new(budget.gpu_ms, ladders);
-            let mut settings = AkariSettings::of_world(world);
-            for (i, rung) in step_onto(ladders, &mut settings).into_iter().enumerate() {
+            let mut turned = Turned::of_world(world);
+            for (i, rung) in step_onto(ladders, turned.all()).into_iter().enumerate() {
                 controller.place(i, rung);
             }
-            settings.apply(world);
+            turned.apply(world);
             controller
         });
         controller.set_budget_ms(budget.gpu_ms);
         let Some(change) = controller.update(&cost) else {
             return;
         };
-        let mut settings = AkariSettings::of_world(world);
+        let mut turned = Turned::of_world(world);
         let mut text = change.to_string();
         for step in &change.steps {
             let ladder = &ladders[step.ladder];
             text += &format!("; {} {} -> {}", ladder.effect, step.from, step.to);
-            // Checked when the ladders were read.
-            if let Err(error) = ladder.rungs[step.to].apply(&ladder.effect, &mut settings) {
-                warn!("frame budget: {error}");
+            for settings in turned.all() {
+                put_on(ladder, step.to, settings);
             }
         }
-        settings.apply(world);
+        turned.apply(world);
         debug!("frame budget: {text}");
         world
             .resource_mut::<BudgetLog>()
@@ -193,19 +202,67 @@ fn frame_cost(world: &World, budgeting: &mut Budgeting) -> Option<FrameCost> {
     })
 }
 
-/// From where the settings are, the rung of each ladder that they are put on. What lies beside a ladder is set onto it: a
-/// step from there would not do what its rungs were measured to do.
-fn step_onto(ladders: &[Ladder], settings: &mut AkariSettings) -> Vec<usize> {
+/// All settings that the budget turns.
+struct Turned {
+    /// Of cameras that have none of their own.
+    common: AkariSettings,
+    /// What each of the cameras draws with.
+    cameras: Vec<(Entity, AkariSettings)>,
+}
+
+impl Turned {
+    fn of_world(world: &mut World) -> Self {
+        let mut cameras =
+            world.query_filtered::<Entity, (With<AkariCamera>, Without<NoFrameBudget>)>();
+        let cameras: Vec<Entity> = cameras.iter(world).collect();
+        Self {
+            common: AkariSettings::of_world(world),
+            cameras: cameras
+                .into_iter()
+                .map(|camera| (camera, AkariSettings::of_camera(world, camera)))
+                .collect(),
+        }
+    }
+
+    /// Those of cameras first: they are what is drawn.
+    fn all(&mut self) -> impl Iterator<Item = &mut AkariSettings> {
+        let cameras = self.cameras.iter_mut().map(|(_, settings)| settings);
+        cameras.chain([&mut self.common])
+    }
+
+    fn apply(&self, world: &mut World) {
+        self.common.apply(world);
+        for (camera, settings) in &self.cameras {
+            settings.apply_to_camera(world, *camera);
+        }
+    }
+}
+
+fn put_on(ladder: &Ladder, rung: usize, settings: &mut AkariSettings) {
+    // Checked when the ladders were read.
+    if let Some(Err(error)) = ladder
+        .rungs
+        .get(rung)
+        .map(|rung| rung.apply(&ladder.effect, settings))
+    {
+        warn!("frame budget: {error}");
+    }
+}
+
+/// From where the first of the settings are, the rung of each ladder that all of them are put on. What lies beside a ladder is
+/// set onto it: a step from there would not do what its rungs were measured to do.
+fn step_onto<'a>(
+    ladders: &[Ladder],
+    settings: impl Iterator<Item = &'a mut AkariSettings>,
+) -> Vec<usize> {
+    let mut settings: Vec<_> = settings.collect();
     ladders
         .iter()
         .map(|ladder| {
-            let nearest = nearest_rung(ladder, settings);
-            if let Some(Err(error)) = ladder
-                .rungs
-                .get(nearest)
-                .map(|rung| rung.apply(&ladder.effect, settings))
-            {
-                warn!("frame budget: {error}");
+            let first = settings.first().map(|first| nearest_rung(ladder, first));
+            let nearest = first.unwrap_or(0);
+            for settings in &mut settings {
+                put_on(ladder, nearest, settings);
             }
             nearest
         })
@@ -279,7 +336,7 @@ mod tests {
                 .iter()
                 .any(|ladder| (0..ladder.rungs.len()).all(|rung| !is_on(&settings, ladder, rung)))
         );
-        let rungs = step_onto(&ladders, &mut settings);
+        let rungs = step_onto(&ladders, [&mut settings].into_iter());
         assert_eq!(rungs.len(), ladders.len());
         for (ladder, rung) in ladders.iter().zip(rungs) {
             assert!(

@@ -2,6 +2,11 @@
 
 use super::controller::{Change, Controller, FrameCost, Reason};
 use super::ladders::{Ladder, Rung};
+use super::{BudgetLog, Budgeting, FrameBudget, NoFrameBudget, hold_budget};
+use crate::prelude::{AkariCamera, AreaLighting, Denoise, VoxelGi};
+use bevy::diagnostic::{Diagnostic, DiagnosticMeasurement, DiagnosticPath, DiagnosticsStore};
+use bevy::ecs::world::World;
+use std::time::{Duration, Instant};
 
 /// Four rungs, each twice as dear and half as wrong.
 fn ladder(effect: &str) -> Ladder {
@@ -218,4 +223,107 @@ fn times_that_are_no_numbers_are_passed_over() {
         effect_ms: vec![8.0],
     };
     assert!((0..20).any(|_| controller.update(&cost).is_some()));
+}
+
+/// One rung a value of one knob.
+fn ladder_of(effect: &str, passes: &str, knob: &str, values: &[f32]) -> Ladder {
+    let rung = |(i, value): (usize, &f32)| Rung {
+        settings: [(knob.to_owned(), *value)].into(),
+        cost: *value,
+        error: 2f32.powi(-(i as i32)),
+    };
+    Ladder {
+        effect: effect.to_owned(),
+        passes: passes.to_owned(),
+        rungs: values.iter().enumerate().map(rung).collect(),
+    }
+}
+
+/// Settings that a camera has of its own are turned as those of all cameras are, of every effect, unless it is left out.
+#[test]
+fn settings_of_a_camera_of_its_own_are_turned() {
+    const FRAMES: u32 = 40;
+    for left_out in [false, true] {
+        let mut world = World::new();
+        world.init_resource::<DiagnosticsStore>();
+        world.init_resource::<BudgetLog>();
+        world.insert_resource(FrameBudget { gpu_ms: 20.0 });
+        world.insert_resource(Budgeting {
+            ladders: vec![
+                ladder_of(
+                    "voxel_gi",
+                    "akari_voxel_gi",
+                    "cones",
+                    &[1.0, 5.0, 9.0, 16.0],
+                ),
+                ladder_of("denoise", "akari_denoise", "levels", &[3.0, 5.0, 6.0]),
+                ladder_of(
+                    "area_lights",
+                    "akari_area_light",
+                    "texture_cells",
+                    &[1.0, 4.0, 8.0],
+                ),
+            ],
+            controller: None,
+            warned: false,
+            frames_without_times: 0,
+        });
+        let before = VoxelGi {
+            resolution: 32,
+            cones: 16,
+            ..VoxelGi::default()
+        };
+        let denoise = Denoise {
+            levels: 6,
+            ..Denoise::default()
+        };
+        let lights = AreaLighting {
+            texture_cells: 8,
+            ..AreaLighting::default()
+        };
+        let camera = world.spawn((AkariCamera, before, denoise, lights)).id();
+        if left_out {
+            world.entity_mut(camera).insert(NoFrameBudget);
+        }
+        let start = Instant::now();
+        let mut last_ms = 0.0;
+        for frame in 0..FRAMES {
+            let camera = world.entity(camera);
+            let (voxels, denoise, lights) =
+                camera.components::<(&VoxelGi, &Denoise, &AreaLighting)>();
+            let times = [
+                ("akari_voxel_gi_cones", 2.0 * f64::from(voxels.cones)),
+                ("akari_denoise_stage", f64::from(denoise.levels)),
+                ("akari_area_light_shade", f64::from(lights.texture_cells)),
+            ];
+            last_ms = times.iter().map(|(_, ms)| ms).sum();
+            let mut store = world.resource_mut::<DiagnosticsStore>();
+            for (pass, value) in times {
+                let path = DiagnosticPath::new(format!("render/{pass}/elapsed_gpu"));
+                if store.get(&path).is_none() {
+                    store.add(Diagnostic::new(path.clone()));
+                }
+                let time = start + Duration::from_millis(u64::from(frame));
+                if let Some(diagnostic) = store.get_mut(&path) {
+                    diagnostic.add_measurement(DiagnosticMeasurement { time, value });
+                }
+            }
+            hold_budget(&mut world);
+        }
+        let after = world.entity(camera);
+        let (after, smoother, lit) = after.components::<(&VoxelGi, &Denoise, &AreaLighting)>();
+        if left_out {
+            assert_eq!((*after, *smoother, *lit), (before, denoise, lights));
+            assert!(last_ms > 20.0, "the clock tells it: {last_ms}");
+        } else {
+            assert!(last_ms <= 20.0, "{last_ms} ms");
+            assert!(after.cones < 16 && smoother.levels < 6 && lit.texture_cells <= 8);
+            // What no rung names stays.
+            let others = VoxelGi {
+                cones: before.cones,
+                ..*after
+            };
+            assert_eq!(others, before);
+        }
+    }
 }

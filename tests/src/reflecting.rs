@@ -78,6 +78,12 @@ impl Corner {
             Transform::from_xyz(0.35, 1.9, 1.0).looking_at(Vec3::new(0.0, 0.35, -0.6), Vec3::Y),
         ));
         let camera = spawn_camera(&mut headless, side, Vec3::new(0.0, 2.2, 1.6));
+        // From the beginning, so that the picture without reflectors has the light.
+        headless
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .insert(AkariCamera);
         Some(Self {
             headless,
             camera,

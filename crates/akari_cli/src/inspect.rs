@@ -9,7 +9,10 @@ use akari_scene::{Scene, light_polygons};
 use bevy_akari::area_light::demand::{AREA_LIT_CAMERAS, VISIBLE_AREA_LIGHTS, demand};
 use bevy_akari::interreflection::{
     self,
-    demand::{CAMERAS, REFLECTED_LIGHTS, REFLECTORS},
+    demand::{
+        CAMERAS, HIDING_TRIANGLES, MOST_HIDING_TRIANGLES, REFLECTED_LIGHTS, REFLECTORS,
+        SHADOWED_CAMERAS,
+    },
 };
 use bevy_akari::prelude::*;
 use bevy_akari::render::census::Census;
@@ -115,6 +118,9 @@ fn describe(scene: &Scene) -> serde_json::Value {
     let reflecting = reflecting_instances(scene);
     census.set(REFLECTORS, reflecting);
     census.set(CAMERAS, 1);
+    census.set(SHADOWED_CAMERAS, 1);
+    census.set(HIDING_TRIANGLES, triangles as u32);
+    census.set(MOST_HIDING_TRIANGLES, MostBlockers::default().0);
     census.set(REFLECTED_LIGHTS, scene.punctual_lights.len() as u32);
     let interreflection = interreflection::demand::demand(&census);
     let bounds = scene

@@ -94,6 +94,11 @@ fn inspect_lists_lights_and_effects() {
         document["effects"]["area-lights"]["active"], true,
         "{document}"
     );
+    let interreflection = document["effects"]["interreflection"]["reason"].as_str();
+    assert!(
+        interreflection.is_some_and(|reason| reason.contains("occlusion: opaque meshes")),
+        "{document}"
+    );
     let none = place
         .akari(&["inspect", &asset("empty.glb"), "--json"])
         .ok();

@@ -98,16 +98,16 @@ fn library(libraries: &[(&'static str, &'static str)], wanted: &[&Entry]) -> Vec
     let start = Instant::now();
     loop {
         app.update();
-        let mut shaders: Vec<Shader> = app
-            .world()
-            .resource::<Assets<Shader>>()
+        let mut shaders: Vec<Shader> = libraries
             .iter()
-            .map(|(_, shader)| shader.clone())
+            .map(|(file, source)| Shader::from_wgsl(*source, *file))
             .collect();
-        let ours = libraries
-            .iter()
-            .map(|(file, source)| Shader::from_wgsl(*source, *file));
-        shaders.extend(ours);
+        let ours: Vec<ShaderImport> = shaders.iter().map(|s| s.import_path.clone()).collect();
+        // A module that a plugin registers, too, is the one at hand, whenever the other one has loaded.
+        let others = (app.world().resource::<Assets<Shader>>().iter())
+            .map(|(_, shader)| shader)
+            .filter(|shader| !ours.contains(&shader.import_path));
+        shaders.extend(others.cloned());
         let imports = wanted
             .iter()
             .flat_map(|entry| Shader::from_wgsl(entry.source, entry.file).imports);

@@ -242,12 +242,16 @@ fn ladder_of(effect: &str, passes: &str, knob: &str, values: &[f32]) -> Ladder {
 /// Settings that a camera has of its own are turned as those of all cameras are, of every effect, unless it is left out.
 #[test]
 fn settings_of_a_camera_of_its_own_are_turned() {
-    const FRAMES: u32 = 40;
+    const FRAMES: u32 = 60;
+    /// Less than any two of the effects take at their best with the third as it is.
+    const BUDGET_MS: f64 = 8.0;
     for left_out in [false, true] {
         let mut world = World::new();
         world.init_resource::<DiagnosticsStore>();
         world.init_resource::<BudgetLog>();
-        world.insert_resource(FrameBudget { gpu_ms: 20.0 });
+        world.insert_resource(FrameBudget {
+            gpu_ms: BUDGET_MS as f32,
+        });
         world.insert_resource(Budgeting {
             ladders: vec![
                 ladder_of(
@@ -314,10 +318,10 @@ fn settings_of_a_camera_of_its_own_are_turned() {
         let (after, smoother, lit) = after.components::<(&VoxelGi, &Denoise, &AreaLighting)>();
         if left_out {
             assert_eq!((*after, *smoother, *lit), (before, denoise, lights));
-            assert!(last_ms > 20.0, "the clock tells it: {last_ms}");
+            assert!(last_ms > BUDGET_MS, "the clock tells it: {last_ms}");
         } else {
-            assert!(last_ms <= 20.0, "{last_ms} ms");
-            assert!(after.cones < 16 && smoother.levels < 6 && lit.texture_cells <= 8);
+            assert!(last_ms <= BUDGET_MS, "{last_ms} ms");
+            assert_eq!((after.cones, smoother.levels, lit.texture_cells), (1, 3, 1));
             // What no rung names stays.
             let others = VoxelGi {
                 cones: before.cones,

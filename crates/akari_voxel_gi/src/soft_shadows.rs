@@ -10,7 +10,7 @@
 //! | [`TRACE_LABEL`] | voxels, surfaces | four lights a word, 8 bits each |
 //! | [`SMOOTH_LABEL`] | that, surfaces | the same, as [`ViewSoftShadows`] |
 //!
-//! Where another effect throws the shadows of some casters by itself ([`CastsAreaShadow`]), a second word tells what all others let
+//! Where another effect throws the shadows of some casters by itself ([`CastsAreaShadow`](akari_render::soft_shadows::CastsAreaShadow)), a second word tells what all others let
 //! through: what the voxels hold in boxes about them. A static surface within half a voxel of such a box counts as the caster's.
 //!
 //! **Error** (`tests/render/soft_shadows.rs`; a box under a light of 1.4 m × 1 m, 96 × 96 pixels, voxels of 12 cm, against the path tracer):

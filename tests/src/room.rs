@@ -184,6 +184,56 @@ pub fn bias_and_error(light: &Light, truth: &Light, chosen: impl Fn(usize) -> bo
     (sum / true_sum - 1.0, (error / power).sqrt())
 }
 
+/// Pixels that stand out.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Outliers {
+    /// Brighter than their surroundings.
+    pub bright: usize,
+    /// Darker.
+    pub dark: usize,
+    /// Pixels that have surroundings to be held against.
+    pub of: usize,
+}
+
+/// Pixels of the luminance `factor` and more of the median of the 5 × 5 pixels about them that show the same surface, and of
+/// `1 / factor` and less. `chosen` says which pixels are looked at.
+pub fn outliers(
+    light: &Light,
+    surfaces: &Aovs,
+    side: usize,
+    factor: f64,
+    chosen: impl Fn(usize) -> bool,
+) -> Outliers {
+    /// Fewer pixels of the same surface say nothing.
+    const LEAST: usize = 10;
+    let luminance = |i: usize| {
+        let [r, g, b] = light[i];
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    };
+    let same = |i: usize, j: usize| {
+        let near = |a: [f32; 3], b: [f32; 3]| Vec3::from(a).distance(Vec3::from(b)) < 1e-3;
+        near(surfaces.normal[i], surfaces.normal[j]) && near(surfaces.albedo[i], surfaces.albedo[j])
+    };
+    let mut found = Outliers::default();
+    for i in (0..light.len()).filter(|i| chosen(*i)) {
+        let (x, y) = (i % side, i / side);
+        let mut around: Vec<f64> = (y.saturating_sub(2)..(y + 3).min(side))
+            .flat_map(|y| (x.saturating_sub(2)..(x + 3).min(side)).map(move |x| y * side + x))
+            .filter(|j| *j != i && same(i, *j))
+            .map(luminance)
+            .collect();
+        if around.len() < LEAST {
+            continue;
+        }
+        around.sort_by(f64::total_cmp);
+        let median = around[around.len() / 2];
+        found.of += 1;
+        found.bright += usize::from(luminance(i) >= factor * median);
+        found.dark += usize::from(factor * luminance(i) <= median);
+    }
+    found
+}
+
 /// Spawns meshes and materials of a scene, its emissive panels among them; no textures.
 pub fn spawn_scene(world: &mut World, scene: &Scene) {
     for instance in &scene.instances {

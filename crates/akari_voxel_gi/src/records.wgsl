@@ -8,11 +8,19 @@
 #import akari_math::voxel::brick::{
     PAGE_RECORDS, brick_of_slot, mask_count, mask_select, page_owner_rank, page_owner_slot, voxel_of_index,
 }
-#import akari_math::voxel::packing::{VoxelSurface, coverage_of_face, voxel_surface_unpack}
+#import akari_math::voxel::packing::{VoxelSurface, coverage_of_face, face_direction, voxel_surface_unpack}
+#import akari_math::voxel::slice::rest_centroid
 #import akari_voxel_gi::trace::{
-    voxel_bricks, voxel_clipmap, voxel_coverage, voxel_surfaces,
+    SAME_COSINE, record_of_face, voxel_bricks, voxel_clipmap, voxel_coverage, voxel_surfaces,
 }
 #import akari_voxel_gi::types::PAGE_STALE
+
+const NO_RECORD: u32 = 0xffffffffu;
+// What lies on a face is closer to it than this, in voxels, and by roundings not behind it by more than the slack.
+const CONTACT: f32 = 0.1;
+const CONTACT_SLACK: f32 = 0.01;
+// Coverage that has to be left for a face to be seen.
+const LEAST_SEEN: f32 = 0.02;
 
 struct VoxelFace {
     // Whether there is one: a face of a voxel in which something is turned to it.
@@ -20,7 +28,7 @@ struct VoxelFace {
     record: u32,
     face: u32,
     level: u32,
-    // Centroid of what is turned to the face, relative to the anchor, metres.
+    // Centroid of what is turned to the face and seen, relative to the anchor, metres.
     position: vec3<f32>,
     surface: VoxelSurface,
 }
@@ -60,6 +68,30 @@ fn count_faces(faces: vec3<u32>) -> u32 {
     return mask_count(faces.xy) + countOneBits(faces.z);
 }
 
+// Centroid of what is seen of a face, in its voxel. Of a floor, where a block stands on a part of it, that is the middle of the
+// rest: the centroid of all may be under the block, where it is dark. The block's lower side is in the same voxel or the next.
+fn seen_centroid(level: u32, voxel: vec3<i32>, record: u32, face: u32, surface: VoxelSurface) -> vec3<f32> {
+    let coverage = coverage_of_face(voxel_coverage[record], face);
+    let opposite = face ^ 1u;
+    let ahead = vec3<i32>(face_direction(face));
+    for (var next = 0; next < 2; next++) {
+        let step = next * ahead;
+        let there = record_of_face(level, voxel + step, opposite, NO_RECORD);
+        if there == NO_RECORD {
+            continue;
+        }
+        let block = voxel_surface_unpack(voxel_surfaces[6u * there + opposite], opposite);
+        let place = block.centroid + vec3<f32>(step);
+        let apart = dot(place - surface.centroid, surface.normal);
+        let hidden = coverage_of_face(voxel_coverage[there], opposite);
+        if dot(block.normal, surface.normal) < -SAME_COSINE && apart > -CONTACT_SLACK && apart < CONTACT
+            && hidden + LEAST_SEEN < coverage {
+            return clamp(rest_centroid(surface.centroid, coverage, place, hidden), vec3(0.0), vec3(1.0));
+        }
+    }
+    return surface.centroid;
+}
+
 // The face of the page that the invocation `local` works for: the one that `local` others precede.
 fn load_face(owner: u32, page: u32, faces: vec3<u32>, local: u32) -> VoxelFace {
     var result = no_face();
@@ -88,7 +120,8 @@ fn load_face(owner: u32, page: u32, faces: vec3<u32>, local: u32) -> VoxelFace {
     result.valid = true;
     result.level = level;
     result.surface = voxel_surface_unpack(voxel_surfaces[6u * result.record + result.face], result.face);
-    result.position = (vec3<f32>(voxel) + result.surface.centroid) * place.voxel_size - place.anchor;
+    let seen = seen_centroid(level, voxel, result.record, result.face, result.surface);
+    result.position = (vec3<f32>(voxel) + seen) * place.voxel_size - place.anchor;
     return result;
 }
 

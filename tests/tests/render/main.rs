@@ -15,6 +15,7 @@ mod indirect_quality;
 mod indirect_views;
 mod interreflection;
 mod lights;
+mod outliers;
 mod overlay;
 mod shadows;
 mod soft_shadows;

@@ -70,3 +70,10 @@ pub fn slice_fullness(coverage: f32, share: f32) -> f32 {
     }
     ((coverage + SHARE_SLACK) / share).min(1.0)
 }
+
+/// Centroid of what is left of a plane of the coverage `coverage` and the centroid `whole` where something lies on it that has
+/// the coverage `hidden` and the centroid `part`, as a block on a floor. `hidden` must be below `coverage`.
+#[must_use]
+pub fn rest_centroid(whole: Vec3, coverage: f32, part: Vec3, hidden: f32) -> Vec3 {
+    whole + (whole - part) * (hidden / (coverage - hidden))
+}

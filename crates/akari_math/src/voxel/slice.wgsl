@@ -54,3 +54,8 @@ fn slice_fullness(coverage: f32, share: f32) -> f32 {
     }
     return min((coverage + SHARE_SLACK) / share, 1.0);
 }
+
+// Centroid of what is left of a plane where something lies on it, of less coverage than its own.
+fn rest_centroid(whole: vec3<f32>, coverage: f32, part: vec3<f32>, hidden: f32) -> vec3<f32> {
+    return whole + (whole - part) * (hidden / (coverage - hidden));
+}

@@ -474,6 +474,26 @@ fn slices() -> Vec<Case> {
             mutation(SLICE, "if x <= 0.0", "if x <= 0.1"),
             mutation(SLICE, "SHARE_SLACK: f32 = 0.008", "SHARE_SLACK: f32 = 0.1"),
         ],
+    }, Case {
+        module: SLICE,
+        functions: &["rest_centroid"],
+        imports: "",
+        body: "let rest = rest_centroid(x_vec3(0u), x(3u), x_vec3(4u), x(7u)); y(0u, rest.x); y(1u, rest.y); y(2u, rest.z);",
+        inputs: 8,
+        outputs: 3,
+        twin: |x, y| y.extend(slice::rest_centroid(vec3(x, 0), x[3], vec3(x, 4), x[7]).to_array()),
+        // The moments of the parts add up to that of the whole.
+        oracle: Some(|x, y| {
+            y.extend((0..3).map(|i| (x[3] * x[i] - x[7] * x[4 + i]) / (x[3] - x[7])));
+        }),
+        domains: vec![domain("parts", rows(911, 400, |r, row| {
+            let coverage = r.range(0.2, 1.0);
+            row.extend([r.range(0.0, 1.0), r.range(0.0, 1.0), r.range(0.0, 1.0), coverage]);
+            row.extend([r.range(0.0, 1.0), r.range(0.0, 1.0), r.range(0.0, 1.0), r.range(0.0, 0.9) * coverage]);
+        }), absolute(1e-5), absolute(1e-5))],
+        mutations: vec![
+            mutation(SLICE, "hidden / (coverage - hidden)", "hidden / (coverage + hidden)"),
+        ],
     }]
 }
 

@@ -23,8 +23,8 @@
 #import akari_interreflection::bindings::{lights, view}
 #import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
 #import akari_interreflection::receiver::{
-    bends, corner, corner_count, layer_from_table, look, middle_of, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of, ON_PLANE,
-    point_of, Receiver, Seen, Sent, spread_of,
+    bends, corner, corner_count, layer_from_table, look, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of,
+    point_of, Receiver, Seen, Sent, spread_of, turning_direction,
 }
 #import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
 
@@ -55,7 +55,7 @@ const NODES: u32 = #{TERMS}u;
 #endif
 #ifdef BENDS
 // Looks at a mirror whose normals turn: one as at a flat one, and these.
-const TURNED_LOOKS: u32 = 3u;
+const TURNED_LOOKS: u32 = 5u;
 #else
 const TURNED_LOOKS: u32 = 0u;
 #endif
@@ -255,11 +255,21 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
 }
 #endif
 
+#ifdef BENDS
+// Share of a line on which normals turn from where the pixel sees their front to where it sees their back: of its front.
+fn share_towards(normal_a: vec3<f32>, a: vec3<f32>, normal_b: vec3<f32>, b: vec3<f32>) -> f32 {
+    let cosine_a = -dot(normal_a, safe_normalize(a, normal_a));
+    let cosine_b = -dot(normal_b, safe_normalize(b, normal_b));
+    let seen = max(cosine_a, 0.0) + max(cosine_b, 0.0);
+    return seen / max(abs(cosine_a) + abs(cosine_b), TINY);
+}
+#endif
+
 // The light that a mirror sends to the diffuse part of the pixel: a lobe of the radiance at its point nearest to the axis. `blur`
 // is the lobe's sharpness over that of the image of a point.
 //
-// Where normals turn, the radiance is that of a flat mirror there, times what turning makes of both sides together. A hollow
-// mirror magnifies the highlight, so that its light falls more slowly from one side to the other.
+// Where normals turn, the radiance is that of a flat mirror there, times what turning makes of the mean from side to side, along
+// the line on which normals turn most: a hollow mirror magnifies the highlight, a bulging one makes it smaller.
 //
 // Times what a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the
 // value there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image
@@ -280,12 +290,22 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
     let bent = bends(seen, face);
     // Of a triangle that bends both sides are taken already.
     share = select(share, 0.0, bent && !seen.rectangle);
-    let size = max(max(length(seen.b - seen.a), length(seen.c - seen.b)), length(seen.a - seen.c));
-    let from_landing = point - lobe_landing(axis, seen.a, seen.b, seen.c);
-    let inside = length(from_landing) <= ON_PLANE * size;
-    let outward = safe_normalize(select(from_landing, middle_of(seen) - point, inside), vec3(0.0));
-    let other_weights = nearest_weights(seen, point + outward * size);
-    let other = point_of(seen, other_weights);
+    let across = turning_direction(seen);
+    let near_weights = nearest_weights(seen, point - across);
+    let far_weights = nearest_weights(seen, point + across);
+    let near_end = point_of(seen, near_weights);
+    let far_end = point_of(seen, far_weights);
+    // Means of what is linear from the point to either end.
+    let to_near = length(near_end - point);
+    let to_far = length(far_end - point);
+    let of_near = 0.5 * to_near / max(to_near + to_far, TINY);
+    let of_far = 0.5 - of_near;
+    let turned_normal = normal_of(seen, weights);
+    let near_normal = normal_of(seen, near_weights);
+    let far_normal = normal_of(seen, far_weights);
+    let near_share = of_near * share_towards(turned_normal, point, near_normal, near_end);
+    let far_share = of_far * share_towards(turned_normal, point, far_normal, far_end);
+    var flat_mean = vec3(0.0);
     var radiance = vec3(0.0);
     var turned = vec3(0.0);
 #else
@@ -308,12 +328,16 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
         }
 #ifdef BENDS
         if i == 1u {
-            normal = normal_of(seen, weights);
-        } else if i == 2u || i == 3u {
-            at = other;
+            normal = turned_normal;
+        } else if i == 2u || i == 4u {
+            at = near_end;
+        } else if i == 3u || i == 5u {
+            at = far_end;
         }
         if i == 2u {
-            normal = normal_of(seen, other_weights);
+            normal = near_normal;
+        } else if i == 3u {
+            normal = far_normal;
         }
 #endif
         let value = reflect_light(receiver, material, light, at, normal).radiance;
@@ -330,13 +354,19 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
 #ifdef BENDS
         if i == 1u {
             radiance = value;
+            turned = (near_share + far_share) * value;
+            flat_mean = 0.5 * flat;
         } else if i == 2u {
-            turned = radiance + value;
+            turned += near_share * value;
         } else if i == 3u {
-            let flat_both = flat + value;
+            turned += far_share * value;
+        } else if i == 4u {
+            flat_mean += of_near * value;
+        } else if i == 5u {
+            flat_mean += of_far * value;
             // Where a flat one shows nothing, it has no lobe to correct.
-            let known = flat_both > vec3(MIN_RADIANCE);
-            radiance = select(radiance, turned * (flat / max(flat_both, vec3(MIN_RADIANCE))), known);
+            let known = flat_mean > vec3(MIN_RADIANCE);
+            radiance = select(radiance, turned * (flat / max(flat_mean, vec3(MIN_RADIANCE))), known);
         }
 #endif
         i = select(i + 1u, first_node, i == 0u && !bent);

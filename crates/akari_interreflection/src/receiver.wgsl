@@ -227,3 +227,39 @@ fn bends(seen: Seen, face: vec3<f32>) -> bool {
     }
     return 1.0 - min(dot(face, seen.normal_a), dot(face, seen.normal_b)) > FLAT;
 }
+
+// The side, or edge, along which normals turn most over its length, from end to end.
+fn turning_direction(seen: Seen) -> vec3<f32> {
+    if seen.rectangle {
+        let along_u = seen.b - seen.a;
+        let along_v = seen.d - seen.a;
+        let turn_u = dot(seen.normal_b, seen.normal_b) * dot(along_v, along_v);
+        let turn_v = dot(seen.normal_c, seen.normal_c) * dot(along_u, along_u);
+        return select(along_v, along_u, turn_u >= turn_v);
+    }
+    var direction = vec3(0.0);
+    var most = 0.0;
+    var from_corner = seen.c;
+    var from_normal = seen.normal_c;
+    for (var k = 0u; k < 3u; k++) {
+        var to_corner = seen.c;
+        var to_normal = seen.normal_c;
+        if k == 0u {
+            to_corner = seen.a;
+            to_normal = seen.normal_a;
+        } else if k == 1u {
+            to_corner = seen.b;
+            to_normal = seen.normal_b;
+        }
+        let edge = to_corner - from_corner;
+        let turn = to_normal - from_normal;
+        let rate = dot(turn, turn) / max(dot(edge, edge), TINY);
+        if rate > most {
+            most = rate;
+            direction = edge;
+        }
+        from_corner = to_corner;
+        from_normal = to_normal;
+    }
+    return direction;
+}

@@ -110,6 +110,8 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "receiver.wgsl");
         load_shader_library!(app, "diffuse.wgsl");
         load_shader_library!(app, "mirror.wgsl");
+        load_shader_library!(app, "sky.wgsl");
+        load_shader_library!(app, "sky_mirror.wgsl");
         load_shader_library!(app, "open.wgsl");
         load_shader_library!(app, "walk.wgsl");
         embedded_asset!(app, "aggregate.wgsl");

@@ -16,6 +16,7 @@ mod indirect_views;
 mod interreflection;
 mod lights;
 mod overlay;
+mod reflected_sky;
 mod shadows;
 mod soft_shadows;
 mod stability;

@@ -3,9 +3,13 @@
 use akari_reference::{NoProgress, Options, render};
 use akari_scene::exr_io::{RgbImage, write_rgb};
 use akari_scene::{Environment, Scene};
+use bevy::light::EnvironmentMapLight;
 use bevy::prelude::*;
-use bevy_akari::interreflection::pipeline::{IRRADIANCE_LABEL, SHADE_LABEL};
+use bevy_akari::interreflection::EFFECT;
+use bevy_akari::interreflection::pipeline::SHADE_LABEL;
+use bevy_akari::prelude::*;
 use bevy_akari_tests::accuracy::{render_with_cli, scene_path};
+use bevy_akari_tests::reflecting::{Corner, Material, triangles_as_patches, wall};
 use bevy_akari_tests::*;
 use std::path::{Path, PathBuf};
 
@@ -14,19 +18,20 @@ const SIDE: u32 = 64;
 /// Path segments of light of the environment that bounced once.
 const ONE_BOUNCE: u32 = 3;
 /// Paths through each pixel, in each of two pictures.
-const PATHS: u32 = 512;
+const PATHS: u32 = 256;
 
 type Pixels = Vec<[f64; 3]>;
 
 /// A sky that is bright above and dark below, redder to one side, with a bright window.
-fn sky(rows: std::ops::Range<u32>, columns: std::ops::Range<u32>) -> RgbImage {
+fn sky() -> RgbImage {
     let (width, height) = (128, 64);
     let mut image = RgbImage::filled(width, height, [0.0; 3]);
     for y in 0..height {
         for x in 0..width {
             let up = 1.0 - y as f32 / height as f32;
             let side = 0.5 + 0.5 * (std::f32::consts::TAU * x as f32 / width as f32).sin();
-            image.data[(y * width + x) as usize] = if columns.contains(&x) && rows.contains(&y) {
+            image.data[(y * width + x) as usize] = if (30..50).contains(&x) && (8..20).contains(&y)
+            {
                 [80.0, 70.0, 60.0]
             } else {
                 [6.0 * up * side, 5.0 * up, 9.0 * up * up]
@@ -43,24 +48,27 @@ fn difference(with: &[[f32; 3]], without: &[[f32; 3]]) -> Pixels {
         .collect()
 }
 
-/// A scene of the repository without lamps, with some of its materials changed.
-fn dark(name: &str, changes: &[(&str, &str)], path: &Path) -> PathBuf {
+/// A scene of the repository with some of its text replaced.
+fn changed(name: &str, (from, to): (&str, &str), path: &Path) -> PathBuf {
     let mut bytes = std::fs::read(scene_path(name)).expect("a scene of the repository");
-    for (from, to) in changes {
-        assert_eq!(from.len(), to.len(), "lengths in the file stay as they are");
-        let at = (bytes.windows(from.len()))
-            .position(|window| window == from.as_bytes())
-            .unwrap_or_else(|| panic!("{name} has no {from}"));
-        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
-    }
+    assert_eq!(from.len(), to.len(), "lengths in the file stay as they are");
+    let at = (bytes.windows(from.len()))
+        .position(|window| window == from.as_bytes())
+        .expect("what is to be changed");
+    bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
     std::fs::write(path, bytes).expect("a temporary file");
     path.to_owned()
 }
 
 /// One bounce of the environment's light, as paths have it, in two pictures of other random numbers.
 fn traced(scene: &Path, environment: &Environment) -> [Pixels; 2] {
-    let scene = Scene::load(scene).expect("a scene");
-    let picture = |environment: Option<&Environment>, max_depth, seed| {
+    let mut scene = Scene::load(scene).expect("a scene");
+    for material in &mut scene.materials {
+        material.emission = Vec3::ZERO;
+    }
+    scene.punctual_lights.clear();
+    scene.area_lights.clear();
+    let picture = |max_depth, seed| {
         let options = Options {
             width: SIDE,
             height: SIDE,
@@ -70,23 +78,12 @@ fn traced(scene: &Path, environment: &Environment) -> [Pixels; 2] {
             pixel_centers: true,
             ..Options::default()
         };
-        let picture = render(&scene, environment, &options, &NoProgress).expect("it renders");
+        let picture = render(&scene, Some(environment), &options, &NoProgress).expect("it renders");
         picture.color.data
     };
-    // What lamps send is the same with the environment as without it.
     [1, 2].map(|seed| {
-        let lit = difference(
-            &picture(Some(environment), ONE_BOUNCE, seed),
-            &picture(Some(environment), ONE_BOUNCE - 1, seed + 2),
-        );
-        let lamps = difference(
-            &picture(None, ONE_BOUNCE, seed),
-            &picture(None, ONE_BOUNCE - 1, seed + 2),
-        );
-        let pairs = lit.iter().zip(&lamps);
-        pairs
-            .map(|(a, b)| std::array::from_fn(|c| a[c] - b[c]))
-            .collect()
+        let (bounced, direct) = (picture(ONE_BOUNCE, seed), picture(ONE_BOUNCE - 1, seed + 2));
+        difference(&bounced, &direct)
     })
 }
 
@@ -134,66 +131,138 @@ fn bias_and_error(ours: &Pixels, truth: &[Pixels; 2]) -> (f64, f64) {
     (sum / true_sum - 1.0, (error.abs() / square).sqrt())
 }
 
+/// An environment in a file, and scenes beside it.
+struct Outdoors {
+    folder: tempfile::TempDir,
+    file: String,
+    environment: Environment,
+}
+
+impl Outdoors {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("sky.exr");
+        write_rgb(&path, &sky()).expect("a file");
+        Self {
+            file: path.to_str().expect("a plain path").to_owned(),
+            environment: Environment::load(&path).expect("it was just written"),
+            folder,
+        }
+    }
+
+    fn changed(&self, name: &str, change: (&str, &str)) -> PathBuf {
+        changed(name, change, &self.folder.path().join("changed.glb"))
+    }
+
+    /// Prints energy and error of what is drawn, which may be no more than `limit`; nor may it be as good with nothing that
+    /// hides the sky.
+    fn check(&self, name: &str, scene: &Path, limit: f64, is_hidden: bool) {
+        let truth = traced(scene, &self.environment);
+        let measure = |what: &str, more: &[&str]| {
+            let (bias, error) = bias_and_error(&drawn(scene, &self.file, more), &truth);
+            println!(
+                "{name}{what}: energy {:+.1} %, relative RMSE {:.2} %",
+                100.0 * bias,
+                100.0 * error
+            );
+            error
+        };
+        let error = measure("", &[]);
+        assert!(error <= limit, "{name}: {error}");
+        if is_hidden {
+            let bare = measure(", nothing hidden", &["--set=interreflection.shadow_rays=0"]);
+            assert!(bare > limit, "{name}: {bare}");
+        }
+    }
+}
+
 #[test]
-fn the_sky_by_way_of_reflectors_agrees_with_the_path_tracer() {
-    if headless_or_skip("the_sky_by_way_of_reflectors").is_none() {
+fn the_sky_by_way_of_diffuse_reflectors_agrees_with_the_path_tracer() {
+    if headless_or_skip("the_sky_by_way_of_diffuse_reflectors").is_none() {
         return;
     }
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("sky.exr");
-    write_rgb(&path, &sky(8..20, 30..50)).expect("a file");
-    let file = path.to_str().expect("a plain path").to_owned();
-    let environment = Environment::load(&path).expect("it was just written");
-    let of_glossy = |file: &str, changes: &[(&str, &str)]| {
-        dark("corner_glossy", changes, &folder.path().join(file))
-    };
+    let outdoors = Outdoors::new();
+    outdoors.check("corner", &scene_path("corner"), 0.05, true);
+}
+
+#[test]
+fn the_sky_in_metal_agrees_with_the_path_tracer() {
+    if headless_or_skip("the_sky_in_metal").is_none() {
+        return;
+    }
+    let outdoors = Outdoors::new();
+    // Perceptual roughness 0.224 is alpha 0.05.
     let smooth = (
         "\"metallicFactor\":1.0,\"roughnessFactor\":0.3",
         "\"metallicFactor\":1,\"roughnessFactor\":0.224",
     );
-    let rougher = ("\"roughnessFactor\":0.3", "\"roughnessFactor\":0.6");
+    let scene = outdoors.changed("corner_glossy", smooth);
+    outdoors.check("a wall of alpha 0.05", &scene, 0.10, false);
+    let glossy = scene_path("corner_glossy");
+    outdoors.check("a wall of alpha 0.09", &glossy, 0.10, true);
+}
+
+#[test]
+fn the_sky_in_metal_that_metal_shows_agrees_with_the_path_tracer() {
+    if headless_or_skip("the_sky_in_metal_that_metal_shows").is_none() {
+        return;
+    }
+    let outdoors = Outdoors::new();
     // The first material is the floor's.
     let metal_floor = (
         "\"metallicFactor\":0.0,\"roughnessFactor\":1.0",
         "\"metallicFactor\":1.0,\"roughnessFactor\":0.4",
     );
-    for (name, scene, limit) in [
-        ("corner", scene_path("corner"), 0.05),
-        ("corner_glossy", scene_path("corner_glossy"), 0.10),
-        (
-            "corner_glossy, alpha 0.36",
-            of_glossy("rougher.glb", &[rougher]),
-            0.10,
-        ),
-        (
-            "corner_glossy, alpha 0.05",
-            of_glossy("smooth.glb", &[smooth]),
-            0.10,
-        ),
-        (
-            "metal on metal",
-            of_glossy("metal.glb", &[metal_floor]),
-            0.10,
-        ),
-        // A screen holds back a part of it.
-        ("corner_screen", scene_path("corner_screen"), 0.10),
-    ] {
-        let truth = traced(&scene, &environment);
-        let ours = drawn(&scene, &file, &[]);
-        let (bias, error) = bias_and_error(&ours, &truth);
-        println!(
-            "{name}: energy {:+.1} %, relative RMSE {:.2} %",
-            100.0 * bias,
-            100.0 * error
-        );
-        assert!(error <= limit, "{name}: {error}");
-        // What nothing holds back is too much.
-        let bare = drawn(&scene, &file, &["--set=interreflection.shadow_rays=0"]);
-        let (bare_bias, bare_error) = bias_and_error(&bare, &truth);
-        println!(
-            "{name}, nothing held back: energy {:+.1} %, relative RMSE {:.2} %",
-            100.0 * bare_bias,
-            100.0 * bare_error
-        );
+    let scene = outdoors.changed("corner_glossy", metal_floor);
+    outdoors.check("metal on metal", &scene, 0.10, false);
+}
+
+#[test]
+fn a_screen_hides_the_sky_from_reflectors() {
+    if headless_or_skip("a_screen_hides_the_sky").is_none() {
+        return;
     }
+    let screen = scene_path("corner_screen");
+    Outdoors::new().check("a screen", &screen, 0.10, true);
+}
+
+#[test]
+fn a_sky_is_paid_for_while_it_is_there() {
+    let Some(mut corner) = Corner::new("a_sky_is_paid_for", 64) else {
+        return;
+    };
+    let settings = triangles_as_patches(4, 0.0);
+    corner.build(wall(1, 0.0), Material::Lambert);
+    let plain = corner.plain();
+    let bytes = |corner: &Corner| {
+        let bytes = corner.headless.ledger().bytes_by_effect();
+        bytes.get(EFFECT).copied().unwrap_or(0)
+    };
+    let sum = |values: &[f64]| values.iter().sum::<f64>();
+    let lamp = sum(&corner.added(settings, &plain));
+    let without = bytes(&corner);
+    let world = corner.headless.app.world_mut();
+    let camera = (world
+        .query_filtered::<Entity, With<AkariCamera>>()
+        .iter(world))
+    .next()
+    .expect("a camera");
+    let map =
+        EnvironmentMapLight::solid_color(&mut world.resource_mut::<Assets<Image>>(), Color::WHITE);
+    let map = EnvironmentMapLight {
+        intensity: 20.0,
+        ..map
+    };
+    world.entity_mut(camera).insert(map);
+    let plain_in_sky = corner.plain();
+    let both = sum(&corner.added(settings, &plain_in_sky));
+    println!("a lamp {lamp:.3}, a lamp and the sky {both:.3}");
+    assert!(both > 1.05 * lamp, "{both} {lamp}");
+    assert!(bytes(&corner) > without, "the sky takes some memory");
+    let world = corner.headless.app.world_mut();
+    world.entity_mut(camera).remove::<EnvironmentMapLight>();
+    corner.plain();
+    let again = sum(&corner.added(settings, &plain));
+    assert!((again / lamp - 1.0).abs() < 1e-4, "{again} {lamp}");
+    assert_eq!(bytes(&corner), without);
 }

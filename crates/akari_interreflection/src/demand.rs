@@ -4,7 +4,10 @@ use crate::EFFECT;
 use crate::casters::gather_casters;
 use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
+use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
+use akari_render::sky::SkyMap;
+use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight};
 use bevy::prelude::*;
 
 /// Census entry: meshes marked as reflectors that are not hidden.
@@ -13,6 +16,8 @@ pub const REFLECTORS: &str = "reflectors";
 pub const REFLECTED_LIGHTS: &str = "lights that reflectors see";
 /// Census entry: active cameras with an [`AkariCamera`].
 pub const CAMERAS: &str = "cameras with interreflection";
+/// Census entry: active cameras with an environment map that shines, and for which no other effect brings its bounces.
+pub const REFLECTED_SKIES: &str = "skies that reflectors see";
 /// Census entry of the effect of area lights, if it is there.
 const AREA_LIGHTS: &str = "visible area lights";
 
@@ -59,7 +64,7 @@ pub fn demand(census: &Census) -> Demand {
     let lights = census.count(REFLECTED_LIGHTS) + census.count(AREA_LIGHTS);
     if reflectors == 0 {
         Demand::idle("no mesh is marked as a reflector")
-    } else if lights == 0 {
+    } else if lights == 0 && census.count(REFLECTED_SKIES) == 0 {
         Demand::idle("no light for the reflectors")
     } else if census.count(CAMERAS) == 0 {
         Demand::idle("no active camera asks for effects")
@@ -68,10 +73,14 @@ pub fn demand(census: &Census) -> Demand {
             let s = if count == 1 { "" } else { "s" };
             format!("{count} {one}{s}")
         };
+        let what = match (lights, census.count(REFLECTED_SKIES) > 0) {
+            (0, _) => "the sky".to_owned(),
+            (_, true) => format!("{} and the sky", plural(lights, "light")),
+            (_, false) => plural(lights, "light"),
+        };
         Demand::needed(format!(
-            "{} may reflect {}; occlusion: {}",
+            "{} may reflect {what}; occlusion: {}",
             plural(reflectors, "reflector"),
-            plural(lights, "light"),
             occlusion(census)
         ))
     }
@@ -82,7 +91,16 @@ fn count(
     directional: Query<(&DirectionalLight, &InheritedVisibility)>,
     points: Query<(&PointLight, &InheritedVisibility)>,
     spots: Query<(&SpotLight, &InheritedVisibility)>,
-    cameras: Query<(&Camera, Option<&Interreflection>), (With<AkariCamera>, With<Camera3d>)>,
+    cameras: Query<
+        (
+            &Camera,
+            Option<&Interreflection>,
+            Option<&EnvironmentMapLight>,
+            Has<GeneratedEnvironmentMapLight>,
+            Has<GathersBounces>,
+        ),
+        (With<AkariCamera>, With<Camera3d>),
+    >,
     defaults: Res<DefaultInterreflection>,
     mut census: ResMut<Census>,
 ) {
@@ -91,15 +109,19 @@ fn count(
     if shown == 0 {
         return;
     }
-    let (mut active, mut shadowed) = (0, 0);
-    for (camera, settings) in &cameras {
+    let (mut active, mut shadowed, mut skies) = (0, 0, 0);
+    for (camera, settings, map, generated, gathers) in &cameras {
         if camera.is_active {
             active += 1;
             shadowed += usize::from(settings.unwrap_or(&defaults.0).shadow_rays > 0);
+            // A generated map is one as soon as it is made.
+            let shines = map.map_or(generated, |map| SkyMap::new(map).is_some());
+            skies += usize::from(shines && !gathers);
         }
     }
     set(&mut census, CAMERAS, active);
     set(&mut census, SHADOWED_CAMERAS, shadowed);
+    set(&mut census, REFLECTED_SKIES, skies);
     let lights = directional
         .iter()
         .filter(|(light, visible)| visible.get() && light.illuminance > 0.0)
@@ -146,6 +168,18 @@ mod tests {
             demand(&census),
             Demand::needed("1 reflector may reflect 2 lights; occlusion: none")
         );
+        census.set(REFLECTED_SKIES, 1);
+        assert_eq!(
+            demand(&census),
+            Demand::needed("1 reflector may reflect 2 lights and the sky; occlusion: none")
+        );
+        census.set(AREA_LIGHTS, 0);
+        assert_eq!(
+            demand(&census),
+            Demand::needed("1 reflector may reflect the sky; occlusion: none")
+        );
+        census.set(AREA_LIGHTS, 2);
+        census.set(REFLECTED_SKIES, 0);
         census.set(SHADOWED_CAMERAS, 1);
         assert_eq!(
             demand(&census),

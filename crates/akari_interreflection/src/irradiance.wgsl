@@ -11,6 +11,10 @@
     InterreflectionView, IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, Triangle,
 }
 
+#ifdef SKY
+#import akari_interreflection::sky::{sky_radiance, TURN}
+#endif
+
 @group(0) @binding(0) var<uniform> settings: InterreflectionView;
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
@@ -53,6 +57,38 @@ fn open_share(light: Light, point: vec3<f32>, normal: vec3<f32>) -> f32 {
         }
     }
     return select(1.0, open / max(sum, MIN_WEIGHT), sum > MIN_WEIGHT);
+}
+#endif
+
+#ifdef SKY
+// Directions from which a corner is lit by the sky, with a density as the cosine: evenly over the disc below them (Vogel 1979).
+// Patches are lit once, so that there may be many.
+const SKY_DIRECTIONS: u32 = 128u;
+#ifdef SHADOW_RAYS
+// How far towards the middle of its patch a corner is lit from, so that what the patch ends at is beside the ray and not in
+// its beginning.
+const INWARD: f32 = 0.02;
+#endif
+
+// Irradiance over pi of the sky at a corner. Each direction stands for a part of the disc, so that none is brighter than the
+// sky is there.
+fn sky_over(triangle: Triangle, corner: vec3<f32>, frame: mat3x3<f32>) -> vec3<f32> {
+    var sum = vec3(0.0);
+    let part = 1.0 / f32(SKY_DIRECTIONS);
+    for (var i = 0u; i < SKY_DIRECTIONS; i++) {
+        let square = (f32(i) + 0.5) * part;
+        let angle = TURN * f32(i);
+        let cosine = sqrt(1.0 - square);
+        let direction = frame * vec3(sqrt(square) * vec2(cos(angle), sin(angle)), cosine);
+#ifdef SHADOW_RAYS
+        let origin = mix(corner, (triangle.a + triangle.b + triangle.c) / 3.0, INWARD);
+        if held_back(origin, direction * FAR, START / FAR, END) {
+            continue;
+        }
+#endif
+        sum += sky_radiance(direction, part / cosine);
+    }
+    return sum * part;
 }
 #endif
 
@@ -102,5 +138,8 @@ fn irradiance(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
         sum += arriving;
     }
+#ifdef SKY
+    sum += sky_over(triangle, point, frame);
+#endif
     patch_light[id.x] = vec4(sum, 0.0);
 }

@@ -1,6 +1,6 @@
 //! One bounce of light between surfaces for Bevy, diffuse and glossy in both roles, analytic and free of noise.
 //!
-//! **What**: light of area, point, spot and directional lights that meshes marked [`Reflector`](reflector::Reflector) send on
+//! **What**: light of area, point, spot and directional lights and of environment maps that meshes marked [`Reflector`](reflector::Reflector) send on
 //! to opaque deferred [`StandardMaterial`]s, once.
 //!
 //! **Method**: the diffuse part of a reflector is lit at the corners of patches, which then shine as polygonal lights (LTC
@@ -11,6 +11,16 @@
 //! (`akari_math::reflector`). A mirror that is as large as its lobe is looked at in seven places of it, the nodes of a rule for
 //! Gaussians. Glossy on glossy, an elliptic lobe is fitted to the product of both (`akari_math::sg::elliptic`) and integrated
 //! over the triangle, times the mean of what the product is over it at the nodes of the same rule.
+//!
+//! **Sky**: a camera's [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), also one that Bevy generates. Patches
+//! gather it from 128 directions with a density as the cosine, shadowed by rays, when it, reflectors or what hides them
+//! changed; each frame if Bevy generates it. What a mirror shows of it is a mean over 16 fixed places for the diffuse part of
+//! the receiver and 16 for its lobe, each with one direction of the mirror's own lobe, looked up in the map as blurred as
+//! samples are apart (filtered importance sampling, Křivánek and Colbert 2008), times the receiver's BRDF integrated over the
+//! mirror by LTC. Few SGs in the place of the map would leave the horizons of other bodies to the whole lobe; each place sends
+//! rays of its own. Relative RMSE against the path tracer in a corner under a gradient with a bright window: 4.6 % Lambert on
+//! Lambert, 8.9 %, 7.7 % and 7.1 % under metal of alpha 0.05, 0.09 and 0.36, 8.5 % behind a screen; 15.6 % metal on
+//! metal.
 //!
 //! **Inputs**: Bevy's depth and deferred prepass. **Output**: radiance × exposure, added to the HDR view target after
 //! Bevy's deferred lighting.
@@ -34,7 +44,8 @@
 //!
 //! **With voxel GI**: where another effect gathers all bounces
 //! ([`GathersBounces`](akari_render::camera::GathersBounces)), only what lamps send by way of specular lobes is added, and
-//! voxels of metal leave that out ([`MirrorsLight`](akari_render::emission::MirrorsLight)): no light counts twice.
+//! voxels of metal leave that out ([`MirrorsLight`](akari_render::emission::MirrorsLight)): no light counts twice. All of
+//! the sky is left to it.
 //!
 //! **Occlusion**: all opaque meshes that cast shadows hide reflectors from what they light, and lights from reflectors, by
 //! [`shadow_rays`](settings::Interreflection::shadow_rays) through a tree of boxes over all of their triangles
@@ -45,7 +56,9 @@
 //! reason says, too, tells which it is. Rays see triangles themselves and need no bake and no voxels.
 //!
 //! **Limits**: reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
-//! receive. Lights with images and environment light are left out.
+//! receive. Lights with images are left out, and so is Bevy's
+//! ambient light. Bevy's own light of the map knows no occlusion, and also shines where a reflector covers it. Bent mirrors
+//! blur it too little for how they spread it.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;
@@ -110,6 +123,8 @@ impl Plugin for InterreflectionPlugin {
         load_shader_library!(app, "receiver.wgsl");
         load_shader_library!(app, "diffuse.wgsl");
         load_shader_library!(app, "mirror.wgsl");
+        load_shader_library!(app, "sky.wgsl");
+        load_shader_library!(app, "sky_mirror.wgsl");
         load_shader_library!(app, "open.wgsl");
         load_shader_library!(app, "walk.wgsl");
         embedded_asset!(app, "aggregate.wgsl");

@@ -1,6 +1,8 @@
 //! The passes: light the corners of patches and sum up their clusters where something changed, then shade pixels.
 
-use crate::pipeline::{AGGREGATE_LABEL, IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL};
+use crate::pipeline::{
+    AGGREGATE_LABEL, IRRADIANCE_LABEL, InterreflectionPipelines, SHADE_LABEL, sky_group,
+};
 use crate::prepare::ViewReflectors;
 use crate::shading::CLASSIFY_LABEL;
 use crate::types::IRRADIANCE_WORKGROUP;
@@ -53,6 +55,9 @@ pub fn light_patches(
         pass.set_bind_group(0, &group, &[]);
         if let Some(blockers) = &reflectors.blocker_group {
             pass.set_bind_group(1, blockers, &[]);
+        }
+        if let Some(sky) = &reflectors.sky_group {
+            pass.set_bind_group(sky_group(reflectors.blocker_group.is_some()), sky, &[]);
         }
         pass.dispatch_workgroups(workgroups, 1, 1);
     });
@@ -138,6 +143,10 @@ pub fn shade(
     pass.set_bind_group(0, group, &[view_offset.offset]);
     if let Some(blockers) = &reflectors.blocker_group {
         pass.set_bind_group(1, blockers, &[]);
+    }
+    if let Some(sky) = &reflectors.sky_group {
+        let group = sky_group(reflectors.blocker_group.is_some());
+        pass.set_bind_group(group as usize, sky, &[]);
     }
     let drawn = reflectors.shading.pipelines();
     for pipeline in drawn.filter_map(|id| cache.get_render_pipeline(id)) {

@@ -2,8 +2,8 @@
 
 use crate::shading::{CLASS_FORMAT, CLASSIFY_LABEL, ShadeKey};
 use crate::types::{
-    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
-    GpuTriangle,
+    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectedSky,
+    GpuReflectorMaterial, GpuTriangle,
 };
 use akari_render::gpu;
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
@@ -11,7 +11,7 @@ use bevy::core_pipeline::FullscreenShader;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
-    texture_depth_2d, uniform_buffer,
+    texture_cube, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -36,6 +36,8 @@ pub struct InterreflectionPipelines {
     pub shade_layout: BindGroupLayoutDescriptor,
     /// What rays walk: the second bind group of both of those, where there are any.
     pub blocker_layout: BindGroupLayoutDescriptor,
+    /// The environment map: the last bind group of both of those, where there is one.
+    pub sky_layout: BindGroupLayoutDescriptor,
     /// The pass that sums up clusters.
     pub aggregate: CachedComputePipelineId,
     /// The pass that marks the pixels that receive light.
@@ -116,6 +118,17 @@ impl InterreflectionPipelines {
                 ),
             ),
         );
+        let sky_layout = BindGroupLayoutDescriptor::new(
+            "akari_interreflection_sky_layout",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT | ShaderStages::COMPUTE,
+                (
+                    uniform_buffer::<GpuReflectedSky>(false),
+                    texture_cube(TextureSampleType::Float { filterable: true }),
+                    sampler(SamplerBindingType::Filtering),
+                ),
+            ),
+        );
         let aggregate = cache.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(AGGREGATE_LABEL.into()),
             layout: vec![aggregate_layout.clone()],
@@ -138,6 +151,7 @@ impl InterreflectionPipelines {
             aggregate_layout,
             shade_layout,
             blocker_layout,
+            sky_layout,
             aggregate,
             classify,
             ltc_table: gpu::ltc_table(device, queue, "akari_interreflection_ltc_table"),
@@ -163,27 +177,50 @@ fn class_depth(marks: bool) -> DepthStencilState {
     }
 }
 
-/// The definition that compiles rays, and what they read.
-fn with_rays(
-    mut layout: Vec<BindGroupLayoutDescriptor>,
-    blockers: &BindGroupLayoutDescriptor,
-    shadow_rays: bool,
-) -> (Vec<BindGroupLayoutDescriptor>, Vec<ShaderDefVal>) {
-    let mut definitions = Vec::new();
-    if shadow_rays {
-        layout.push(blockers.clone());
-        definitions.push("SHADOW_RAYS".into());
+/// Bind group of the sky: it comes after that of rays.
+pub fn sky_group(shadow_rays: bool) -> u32 {
+    if shadow_rays { 2 } else { 1 }
+}
+
+impl InterreflectionPipelines {
+    /// The definitions that compile rays and the sky, and what they read.
+    fn with_groups(
+        &self,
+        first: &BindGroupLayoutDescriptor,
+        shadow_rays: bool,
+        sky: bool,
+    ) -> (Vec<BindGroupLayoutDescriptor>, Vec<ShaderDefVal>) {
+        let mut layout = vec![first.clone()];
+        let mut definitions = Vec::new();
+        if shadow_rays {
+            layout.push(self.blocker_layout.clone());
+            definitions.push("SHADOW_RAYS".into());
+        }
+        if sky {
+            layout.push(self.sky_layout.clone());
+            definitions.push("SKY".into());
+            let group = sky_group(shadow_rays);
+            definitions.push(ShaderDefVal::UInt("SKY_GROUP".into(), group));
+        }
+        (layout, definitions)
     }
-    (layout, definitions)
+}
+
+/// What makes one pipeline that lights patches differ from another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct IrradianceKey {
+    /// Whether rays look what reflectors hold back of the light on its way to patches.
+    pub shadow_rays: bool,
+    /// Whether the sky lights them.
+    pub sky: bool,
 }
 
 impl SpecializedComputePipeline for InterreflectionPipelines {
-    /// Whether rays look what reflectors hold back of the light on its way to patches.
-    type Key = bool;
+    type Key = IrradianceKey;
 
-    fn specialize(&self, shadow_rays: bool) -> ComputePipelineDescriptor {
-        let layout = vec![self.irradiance_layout.clone()];
-        let (layout, shader_defs) = with_rays(layout, &self.blocker_layout, shadow_rays);
+    fn specialize(&self, key: IrradianceKey) -> ComputePipelineDescriptor {
+        let (layout, shader_defs) =
+            self.with_groups(&self.irradiance_layout, key.shadow_rays, key.sky);
         ComputePipelineDescriptor {
             label: Some(IRRADIANCE_LABEL.into()),
             layout,
@@ -198,8 +235,8 @@ impl SpecializedRenderPipeline for InterreflectionPipelines {
     type Key = ShadeKey;
 
     fn specialize(&self, key: ShadeKey) -> RenderPipelineDescriptor {
-        let layout = vec![self.shade_layout.clone()];
-        let (layout, mut shader_defs) = with_rays(layout, &self.blocker_layout, key.shadow_rays);
+        let (layout, mut shader_defs) =
+            self.with_groups(&self.shade_layout, key.shadow_rays, key.sky);
         shader_defs.extend(key.definitions());
         RenderPipelineDescriptor {
             label: Some(SHADE_LABEL.into()),

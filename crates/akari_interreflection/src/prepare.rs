@@ -5,28 +5,30 @@ use crate::blockers::Blockers;
 use crate::clusters::Clusters;
 use crate::geometry::bends;
 use crate::lights::{ReflectedLights, pack_lights};
-use crate::pipeline::InterreflectionPipelines;
+use crate::pipeline::{InterreflectionPipelines, IrradianceKey};
 use crate::receivers::ReceiverKinds;
 use crate::scene::{BlockerScene, ReflectorScene, Triangles, ViewInterreflection, cut};
 use crate::settings::MOST_SHADOW_RAYS;
 use crate::shading::{CLASS_BYTES, CLASS_FORMAT, Integral, ReflectorKinds, ShadeKey, Shading};
 use crate::types::{
-    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial,
-    GpuTriangle,
+    GpuBlockerNode, GpuCluster, GpuClusterLight, GpuInterreflectionView, GpuReflectedSky,
+    GpuReflectorMaterial, GpuTriangle,
 };
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu::LTC_TABLE_BYTES;
 use akari_render::prelude::*;
+use akari_render::sky::{SkyMap, last_level};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::image::ToExtents;
 use bevy::pbr::deferred::{DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID, PbrDeferredLightingDepthId};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::encase::private::WriteInto;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::render::texture::TextureCache;
+use bevy::render::texture::{GpuImage, TextureCache};
 use bevy::render::view::{ExtractedView, ViewUniforms};
 
 /// What lights and reflectors were when buffers were made.
@@ -42,6 +44,40 @@ struct Made {
     /// Version of what they may meet, if there are any.
     blockers: u64,
     mirrored_only: bool,
+    /// The environment map, if it is loaded, and the texture that holds it.
+    sky: Option<(SkyMap, TextureViewId)>,
+}
+
+/// The environment map as the passes read it.
+struct BoundSky {
+    uniform: Buffer,
+    map: TextureView,
+    sampler: Sampler,
+    changes: bool,
+}
+
+impl BoundSky {
+    fn new(device: &RenderDevice, map: &SkyMap, image: &GpuImage, changes: bool) -> Self {
+        let mut bytes = encase::UniformBuffer::new(Vec::new());
+        let uniform = GpuReflectedSky {
+            to_map: map.to_map(),
+            intensity: map.intensity,
+            last_level: last_level(image),
+        };
+        if let Err(error) = bytes.write(&uniform) {
+            error!("interreflection: the sky's uniform could not be written: {error}");
+        }
+        Self {
+            uniform: device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some("akari_interreflection_sky"),
+                contents: bytes.as_ref(),
+                usage: BufferUsages::UNIFORM,
+            }),
+            map: image.texture_view.clone(),
+            sampler: image.sampler.clone(),
+            changes,
+        }
+    }
 }
 
 /// Triangles and their clusters on the GPU.
@@ -195,6 +231,7 @@ pub struct ViewReflectors {
     /// Triangles with a specular lobe.
     pub glossy: u32,
     light_count: u32,
+    sky: Option<BoundSky>,
     /// Whether the patches are still to be lit.
     pub stale: bool,
     /// The pipeline that lights patches.
@@ -205,6 +242,8 @@ pub struct ViewReflectors {
     pub marks: Option<TextureView>,
     /// Bind group of what rays walk, if there are any.
     pub blocker_group: Option<BindGroup>,
+    /// Bind group of the environment map, if there is one.
+    pub sky_group: Option<BindGroup>,
     /// Bind group of the pass that lights patches.
     pub irradiance_group: Option<BindGroup>,
     /// Bind group of the pass that sums up clusters, if there are any of patches.
@@ -289,7 +328,7 @@ pub fn prepare_reflectors(
     )>,
     (scene, receivers): (Res<ReflectorScene>, Res<ReceiverKinds>),
     blockers: Res<BlockerScene>,
-    lights: Res<ReflectedLights>,
+    (lights, images): (Res<ReflectedLights>, Res<RenderAssets<GpuImage>>),
     polygons: Res<AreaLightPolygons>,
     pipelines: Option<Res<InterreflectionPipelines>>,
     specialized: (
@@ -312,6 +351,9 @@ pub fn prepare_reflectors(
     let (vectors, light_count) = pack_lights(&lights.lights, &polygons.lights);
     for (entity, view, interreflection, pass_id, existing) in views {
         let settings = &interreflection.settings;
+        let sky = (interreflection.sky.as_ref())
+            .and_then(|map| Some((map, map.loaded(&images)?)))
+            .map(|(map, image)| (map, image, image.texture_view.id()));
         let made = Made {
             scene: scene.version,
             lights: vectors.clone(),
@@ -325,15 +367,25 @@ pub fn prepare_reflectors(
                 0
             },
             mirrored_only: interreflection.mirrored_only,
+            sky: sky.map(|(map, _, id)| (*map, id)),
         };
         let key_of = |tree: &Tree| ShadeKey {
             target_format: view.target_format,
             integral: tree.kinds.mirrors.then(|| Integral::of(settings)),
             shadow_rays: settings.shadow_rays > 0,
+            // What patches have of it, they have already.
+            sky: sky.is_some() && tree.kinds.mirrors,
             reflectors: tree.kinds,
             glossy_receivers: false,
         };
-        let irradiance = specialized_compute.specialize(&cache, &pipelines, made.shadow_rays > 0);
+        let irradiance = specialized_compute.specialize(
+            &cache,
+            &pipelines,
+            IrradianceKey {
+                shadow_rays: made.shadow_rays > 0,
+                sky: sky.is_some(),
+            },
+        );
         let mut want = |shading: &mut Shading, tree: &Tree| {
             shading.want(
                 key_of(tree),
@@ -372,6 +424,7 @@ pub fn prepare_reflectors(
         if let Some(existing) = existing.map(Mut::into_inner) {
             if existing.made == made {
                 want(&mut existing.shading, &existing.tree);
+                existing.stale |= existing.sky.as_ref().is_some_and(|sky| sky.changes);
                 let bytes = uniform_of(&existing.tree, existing.light_count, &existing.shading);
                 queue.write_buffer(&existing.uniform, 0, &bytes);
                 continue;
@@ -419,7 +472,10 @@ pub fn prepare_reflectors(
             contents: &uniform_of(&tree, light_count, &shading),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
+        let sky = sky
+            .map(|(map, image, _)| BoundSky::new(&device, map, image, interreflection.sky_changes));
         let held = tree.bytes()
+            + sky.as_ref().map_or(0, |sky| sky.uniform.size())
             + materials.size()
             + light_buffer.size()
             + patch_light.size()
@@ -443,11 +499,13 @@ pub fn prepare_reflectors(
             patches,
             glossy,
             light_count,
+            sky,
             stale: true,
             irradiance,
             shading,
             marks: None,
             blocker_group: None,
+            sky_group: None,
             irradiance_group: None,
             aggregate_group: None,
             shade_group: None,
@@ -506,6 +564,17 @@ pub fn prepare_bind_groups(
                 &BindGroupEntries::sequential((
                     blockers.nodes.as_entire_binding(),
                     blockers.corners.as_entire_binding(),
+                )),
+            )
+        });
+        view.sky_group = view.sky.as_ref().map(|sky| {
+            device.create_bind_group(
+                "akari_interreflection_sky",
+                &cache.get_bind_group_layout(&pipelines.sky_layout),
+                &BindGroupEntries::sequential((
+                    sky.uniform.as_entire_binding(),
+                    &sky.map,
+                    &sky.sampler,
                 )),
             )
         });

@@ -14,6 +14,8 @@ use crate::types::{GpuReflectorMaterial, GpuTriangle};
 use akari_render::area_lights::AreaLightPolygon;
 use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
+use akari_render::sky::SkyMap;
+use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight};
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -68,6 +70,10 @@ pub struct ViewInterreflection {
     pub settings: Interreflection,
     /// Whether another effect gathers what bounces diffusely, so that only what reflectors mirror is added.
     pub mirrored_only: bool,
+    /// The camera's environment map; `None` where that other effect brings it.
+    pub sky: Option<SkyMap>,
+    /// Whether Bevy makes that map anew as it likes, so that what it lights is never up to date.
+    pub sky_changes: bool,
 }
 
 /// Marks the views.
@@ -80,6 +86,8 @@ pub fn extract_views(
                 &Camera,
                 Option<&Interreflection>,
                 Has<GathersBounces>,
+                Option<&EnvironmentMapLight>,
+                Has<GeneratedEnvironmentMapLight>,
             ),
             (With<AkariCamera>, With<Camera3d>),
         >,
@@ -90,12 +98,14 @@ pub fn extract_views(
 ) {
     let mut wanted = HashSet::<Entity>::default();
     if report.is_active(EFFECT) {
-        for (view, camera, settings, gathers) in &cameras {
+        for (view, camera, settings, gathers, map, generated) in &cameras {
             if camera.is_active {
                 wanted.insert(view);
                 commands.entity(view).insert(ViewInterreflection {
                     settings: settings.copied().unwrap_or(defaults.0),
                     mirrored_only: gathers,
+                    sky: map.filter(|_| !gathers).and_then(SkyMap::new),
+                    sky_changes: generated,
                 });
             }
         }
@@ -268,7 +278,11 @@ pub fn cut(
     } else {
         &[]
     };
-    let boxes = LightBox::of(lights, polygons);
+    let mut boxes = LightBox::of(lights, polygons);
+    if view.sky.is_some() {
+        // What hides a part of it does so from wherever it is.
+        boxes.push(LightBox::AROUND);
+    }
     let mut share = settings.patch.max(1e-3);
     let mut patches = Vec::new();
     // Each try makes a quarter as many; a scene of more triangles than patches is left as it is.
@@ -336,6 +350,8 @@ mod tests {
             let view = ViewInterreflection {
                 settings: *settings,
                 mirrored_only: false,
+                sky: None,
+                sky_changes: false,
             };
             cut(&scene, &[], &[light], &[], &view)
         };
@@ -360,6 +376,8 @@ mod tests {
                 ..settings
             },
             mirrored_only: false,
+            sky: None,
+            sky_changes: false,
         };
         let shaded = |rays| cut(&scene, &[body], &[light], &[], &view(rays)).patches;
         assert!(
@@ -374,6 +392,8 @@ mod tests {
         let view = ViewInterreflection {
             settings,
             mirrored_only: true,
+            sky: None,
+            sky_changes: false,
         };
         let mirrored = cut(&scene, &[], &[light], &[], &view);
         assert_eq!((mirrored.patches, mirrored.triangles.len()), (0, 1));

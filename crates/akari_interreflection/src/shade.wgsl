@@ -14,6 +14,9 @@
 #endif
 #ifdef MIRRORS
 #import akari_interreflection::mirror::from_glossy
+#ifdef SKY
+#import akari_interreflection::sky_mirror::from_sky
+#endif
 #endif
 #ifdef SHADOW_RAYS
 #import akari_interreflection::clusters::largest
@@ -100,6 +103,16 @@ fn gather_mirrors(receiver: Receiver) -> vec3<f32> {
             here += sent.light;
 #endif
         }
+#ifdef SKY
+#ifdef SHADOW_RAYS
+        let of_sky = from_sky(receiver, found.seen, material, found.gap);
+        hidden += largest(of_sky.hidden) * view.exposure;
+        reached += largest(of_sky.light) * view.exposure;
+#else
+        let of_sky = from_sky(receiver, found.seen, material, 0.0);
+#endif
+        here += of_sky.light;
+#endif
 #ifdef SHADOW_RAYS
         // As of patches.
         if found.of_cluster && min(hidden, reached) > found.allowed {

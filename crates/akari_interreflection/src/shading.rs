@@ -56,6 +56,8 @@ pub struct ShadeKey {
     pub integral: Option<Integral>,
     /// Whether rays look what reflectors hold back.
     pub shadow_rays: bool,
+    /// Whether mirrors show the sky.
+    pub sky: bool,
     /// What there is to reflect.
     pub reflectors: ReflectorKinds,
     /// Whether the receivers have specular lobes.
@@ -63,7 +65,7 @@ pub struct ShadeKey {
 }
 
 impl ShadeKey {
-    /// The definitions beside that of rays.
+    /// The definitions beside those of bind groups.
     pub fn definitions(&self) -> Vec<ShaderDefVal> {
         let kinds = self.reflectors;
         let mut definitions: Vec<ShaderDefVal> = [
@@ -96,6 +98,9 @@ impl ShadeKey {
         let (have, need) = (self.reflectors, wanted.reflectors);
         self.target_format == wanted.target_format
             && (wanted.shadow_rays || !self.shadow_rays)
+            // Its bind group comes after that of rays.
+            && self.sky == wanted.sky
+            && (!self.sky || self.shadow_rays == wanted.shadow_rays)
             && (have.patches || !need.patches)
             && (have.mirrors || !need.mirrors)
             && (have.bends || !need.bends)
@@ -171,6 +176,7 @@ mod tests {
             target_format: TextureFormat::Rgba16Float,
             integral: Some(Integral::Nodes(3)),
             shadow_rays: false,
+            sky: false,
             reflectors: ReflectorKinds {
                 mirrors: true,
                 ..ReflectorKinds::default()
@@ -200,6 +206,8 @@ mod tests {
             ..key()
         };
         let both = vec![(key(), id(0)), (glossy, id(2))];
+        let with_sky = ShadeKey { sky: true, ..key() };
+        assert!(!key().can_draw(&with_sky) && !with_sky.can_draw(&key()));
         shading.replace(both.clone(), |i| i == id(0));
         assert_eq!(shading.receivers(), RECEIVERS_MATTE, "one of two is ready");
         shading.replace(both, |_| true);

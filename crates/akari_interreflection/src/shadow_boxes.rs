@@ -38,6 +38,9 @@ pub enum LightBox {
 }
 
 impl LightBox {
+    /// Of the sky.
+    pub const AROUND: Self = Self::At(Vec3::splat(-FAR), Vec3::splat(FAR));
+
     /// Of all lights.
     pub fn of(lights: &[PunctualLight], polygons: &[AreaLightPolygon]) -> Vec<Self> {
         let punctual = lights.iter().map(|light| match *light {

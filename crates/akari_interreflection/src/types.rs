@@ -1,6 +1,6 @@
 //! What the GPU reads, field by field as in `types.wgsl`.
 
-use bevy::math::Vec3;
+use bevy::math::{Vec3, Vec4};
 use bevy::render::render_resource::ShaderType;
 
 /// Invocations of a workgroup of the pass that lights patches, as in `irradiance.wgsl`.
@@ -151,6 +151,17 @@ pub struct GpuInterreflectionView {
     pub low: Vec3,
     /// Largest coordinates.
     pub high: Vec3,
+}
+
+/// The environment map that reflectors see, field by field as in `sky.wgsl`.
+#[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
+pub struct GpuReflectedSky {
+    /// Quaternion that turns directions of the world into those of the map.
+    pub to_map: Vec4,
+    /// Nits per unit of the map.
+    pub intensity: f32,
+    /// Level of the map that is filtered for a roughness of 1.
+    pub last_level: f32,
 }
 
 /// A box of the tree that rays walk (`akari_math::bounds_tree`).

@@ -18,6 +18,12 @@ const LEAST_SHARE: f32 = 1.0 / 256.0;
 // By how much a GGX lobe may be denser than its spherical Gaussian.
 const LOBE_MARGIN: f32 = 2.0;
 const TWO_PI: f32 = 6.28318531;
+#ifdef SKY
+// Radiance, nits, that no sky has: no part of it is too dark to matter.
+const SKY_RADIANCE: f32 = 1e30;
+// Deviation of a GGX lobe seen along its normal, over alpha.
+const ALPHA_RADIUS: f32 = 1.41421356;
+#endif
 
 // Where a walk is. Clusters stand in the order in which a visit of all would meet them, and say where the next one is that is not
 // below them; the triangles of a leaf are visited between two of them.
@@ -116,6 +122,11 @@ fn decide(receiver: Receiver, cluster: Cluster, index: u32, seen: ClusterView, o
             wrong = max(wrong, gloss.error);
         }
         error += wrong;
+#ifdef SKY
+        // How bright the sky is in there is not known. What turns otherwise than the rectangle shows another part of it.
+        most = SKY_RADIANCE;
+        error += 2.0 * cluster.turn / max(ALPHA_RADIUS * alpha + sqrt(seen.solid_angle), TINY);
+#endif
     }
     error = min(error, 1.0);
     most *= choice.weight * seen.solid_angle * view.exposure;

@@ -28,8 +28,13 @@ const LIBRARIES: &[(&str, &str)] = &[
     ("diffuse.wgsl", include_str!("../src/diffuse.wgsl")),
     ("mirror.wgsl", MIRROR),
     ("open.wgsl", include_str!("../src/open.wgsl")),
+    ("sky.wgsl", include_str!("../src/sky.wgsl")),
+    ("sky_mirror.wgsl", include_str!("../src/sky_mirror.wgsl")),
     ("walk.wgsl", include_str!("../src/walk.wgsl")),
 ];
+/// After the bind group of rays.
+const SKY: &[&str] = &["SKY", "SKY_GROUP=2"];
+const RENDER_SKY: &str = include_str!("../../akari_render/src/sky.wgsl");
 const MIRROR: &str = include_str!("../src/mirror.wgsl");
 
 fn irradiance() -> Entry {
@@ -37,7 +42,7 @@ fn irradiance() -> Entry {
         file: "irradiance.wgsl",
         source: include_str!("../src/irradiance.wgsl"),
         entry_point: "irradiance",
-        definitions: choices(&[&[&[], &["SHADOW_RAYS"]]]),
+        definitions: choices(&[&[&[], &["SHADOW_RAYS"]], &[&[], SKY]]),
     }
 }
 
@@ -66,6 +71,7 @@ fn shade() -> Entry {
             &[&[], &["CLUSTERS"]],
             &[&[], &["GLOSSY_RECEIVERS"]],
             &[&[], &["SHADOW_RAYS"]],
+            &[&[], SKY],
         ]),
     }
 }
@@ -81,7 +87,11 @@ fn classify() -> Entry {
 
 fn composer(mirror: &'static str) -> Composer {
     let gbuffer = include_str!("../../akari_render/src/gbuffer.wgsl");
-    let mut libraries = [LIBRARIES, &[("gbuffer.wgsl", gbuffer)]].concat();
+    let mut libraries = [
+        LIBRARIES,
+        &[("gbuffer.wgsl", gbuffer), ("render/sky.wgsl", RENDER_SKY)],
+    ]
+    .concat();
     for (file, source) in &mut libraries {
         if *file == "mirror.wgsl" {
             *source = mirror;

@@ -156,6 +156,7 @@ pub(crate) fn build(app: &mut App) {
         return;
     }
     bevy::shader::load_shader_library!(app, "gbuffer.wgsl");
+    bevy::shader::load_shader_library!(app, "sky.wgsl");
     bevy::asset::embedded_asset!(app, "capture.wgsl");
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
         return;

@@ -35,6 +35,7 @@ pub mod ledger;
 pub mod quality;
 pub mod shaders;
 pub mod signals;
+pub mod sky;
 pub mod soft_shadows;
 pub mod tiles;
 

@@ -9,7 +9,10 @@ mod shader_composer;
 use shader_composer::{Composer, Entry, choices, list_faults};
 
 const GBUFFER: &str = include_str!("../src/gbuffer.wgsl");
-const LIBRARIES: &[(&str, &str)] = &[("gbuffer.wgsl", GBUFFER)];
+const LIBRARIES: &[(&str, &str)] = &[
+    ("gbuffer.wgsl", GBUFFER),
+    ("sky.wgsl", include_str!("../src/sky.wgsl")),
+];
 
 fn capture() -> Entry {
     Entry {
@@ -167,7 +170,8 @@ fn every_shader_of_every_crate_is_tested() {
     // This file includes its crate's shaders.
     let own = included(&here.join("tests"));
     let source = here.join("src");
-    let expected = ["capture.wgsl", "faults.wgsl", "gbuffer.wgsl"].map(|file| source.join(file));
+    let expected =
+        ["capture.wgsl", "faults.wgsl", "gbuffer.wgsl", "sky.wgsl"].map(|file| source.join(file));
     assert_eq!(own, BTreeSet::from(expected));
 }
 

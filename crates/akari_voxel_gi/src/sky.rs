@@ -3,7 +3,8 @@
 use crate::EFFECT;
 use crate::buffers::encoded;
 use akari_render::prelude::*;
-use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight};
+pub use akari_render::sky::{Sky, SkyMap, has_map};
+use akari_render::sky::{last_level, loaded};
 use bevy::math::{Affine3A, DMat3, DVec3};
 use bevy::prelude::*;
 use bevy::render::Extract;
@@ -26,66 +27,6 @@ pub const MOST_INTERIORS: usize = 16;
 #[reflect(Component, Default, Debug, Clone)]
 #[require(Transform)]
 pub struct VoxelGiInterior;
-
-/// What a camera sees beside all voxels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Sky {
-    /// Radiance from everywhere, nits.
-    pub ambient: Vec3,
-    /// The environment map.
-    pub map: Option<SkyMap>,
-}
-
-/// An environment map that shines.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SkyMap {
-    /// Cube map whose levels are filtered for roughness 0 to 1.
-    pub image: AssetId<Image>,
-    /// Nits per unit.
-    pub intensity: f32,
-    /// Of the map in the world.
-    pub rotation: Quat,
-}
-
-impl Sky {
-    /// The sky of a camera: Bevy's ambient light is that of a sky of one radiance, and what the camera has goes before what
-    /// is there for all.
-    pub fn new(
-        map: Option<&EnvironmentMapLight>,
-        ambient: Option<&AmbientLight>,
-        global: Option<&GlobalAmbientLight>,
-    ) -> Self {
-        let (color, brightness) = match (ambient, global) {
-            (Some(own), _) => (own.color, own.brightness),
-            (None, Some(global)) => (global.color, global.brightness),
-            (None, None) => (Color::BLACK, 0.0),
-        };
-        let ambient = LinearRgba::from(color).to_vec3() * brightness;
-        Self {
-            ambient: if ambient.is_finite() {
-                ambient.max(Vec3::ZERO)
-            } else {
-                Vec3::ZERO
-            },
-            map: map
-                .filter(|map| map.intensity > 0.0 && map.intensity.is_finite())
-                .map(|map| SkyMap {
-                    image: map.specular_map.id(),
-                    intensity: map.intensity,
-                    rotation: if map.rotation.is_finite() && map.rotation.length_squared() > 0.0 {
-                        map.rotation.normalize()
-                    } else {
-                        Quat::IDENTITY
-                    },
-                }),
-        }
-    }
-
-    /// Whether it shines at all.
-    pub fn shines(&self) -> bool {
-        self.ambient.max_element() > 0.0 || self.map.is_some()
-    }
-}
 
 /// The interiors of the scene, those nearest to the camera first. Empty while the effect is idle.
 #[derive(Resource, Debug, Default, PartialEq)]
@@ -219,11 +160,10 @@ impl SkyBindings {
         for (target, interior) in surroundings.interiors.iter_mut().zip(&interiors.0) {
             *target = gpu_interior(interior, anchor);
         }
-        if let (Some((_, image)), Some(map)) = (&map, &sky.map) {
+        if let (Some(image), Some(map)) = (map, &sky.map) {
             surroundings.intensity = map.intensity;
-            surroundings.rotation = map.rotation.inverse().into();
-            let levels = image.texture_descriptor.mip_level_count;
-            surroundings.last_level = levels.saturating_sub(1) as f32;
+            surroundings.rotation = map.to_map();
+            surroundings.last_level = last_level(image);
         }
         Self {
             uniform: device.create_buffer_with_data(&BufferInitDescriptor {
@@ -231,26 +171,10 @@ impl SkyBindings {
                 contents: &encoded(&surroundings),
                 usage: BufferUsages::UNIFORM,
             }),
-            map: map.map(|(_, image)| (image.texture_view.clone(), image.sampler.clone())),
+            map: map.map(|image| (image.texture_view.clone(), image.sampler.clone())),
             lights: mirrored.map(|lights| lights.buffer),
         }
     }
-}
-
-/// The sky's map, if it is loaded and one that a cone can look into.
-fn loaded<'a>(
-    sky: &Sky,
-    images: &'a RenderAssets<GpuImage>,
-) -> Option<(AssetId<Image>, &'a GpuImage)> {
-    let id = sky.map?.image;
-    let image = images.get(id)?;
-    let shape = image.texture_view_descriptor.as_ref()?.dimension;
-    (shape == Some(TextureViewDimension::Cube)).then_some((id, image))
-}
-
-/// Whether the sky has a map that can be bound: shaders are defined by it.
-pub fn has_map(sky: &Sky, images: &RenderAssets<GpuImage>) -> bool {
-    loaded(sky, images).is_some()
 }
 
 #[cfg(test)]
@@ -273,35 +197,5 @@ mod tests {
             (local - Vec3::new(0.5, 0.5, -0.5)).length() < 1e-4,
             "{local}"
         );
-    }
-
-    #[test]
-    fn a_camera_s_own_ambient_light_goes_before_that_of_all() {
-        let global = GlobalAmbientLight {
-            brightness: 80.0,
-            ..default()
-        };
-        let own = AmbientLight {
-            brightness: 5.0,
-            ..default()
-        };
-        assert_eq!(
-            Sky::new(None, None, Some(&global)).ambient,
-            Vec3::splat(80.0)
-        );
-        assert_eq!(
-            Sky::new(None, Some(&own), Some(&global)).ambient,
-            Vec3::splat(5.0)
-        );
-        let broken = AmbientLight {
-            brightness: f32::NAN,
-            ..default()
-        };
-        assert!(!Sky::new(None, Some(&broken), None).shines());
-        let dark = EnvironmentMapLight {
-            intensity: 0.0,
-            ..default()
-        };
-        assert!(!Sky::new(Some(&dark), None, None).shines());
     }
 }

@@ -6,6 +6,7 @@
 // sends.
 
 #import akari_math::voxel::cone::{box_exit, cone_roughness}
+#import akari_render::sky::sky_place
 #import akari_voxel_gi::trace::{VoxelRay, VoxelTrace, goes_on_beyond, trace_voxels}
 #ifdef MIRRORS
 #import akari_math::random::random_hash
@@ -62,11 +63,7 @@ const LEAST_STEP: f32 = 1e-4;
 fn sky_radiance(direction: vec3<f32>, tangent: f32) -> vec3<f32> {
     var radiance = voxel_surroundings.ambient;
 #ifdef SKY_MAP
-    let turn = voxel_surroundings.rotation;
-    let half_turn = 2.0 * cross(turn.xyz, direction);
-    let turned = direction + turn.w * half_turn + cross(turn.xyz, half_turn);
-    // Cube maps are left-handed.
-    let place = vec3(turned.xy, -turned.z);
+    let place = sky_place(voxel_surroundings.rotation, direction);
     let level = cone_roughness(tangent) * voxel_surroundings.last_level;
     radiance += voxel_surroundings.intensity * max(textureSampleLevel(sky_map, sky_sampler, place, level).rgb, vec3(0.0));
 #endif

@@ -48,6 +48,11 @@ const BORROWED: &[(&str, &str)] = &[
         "gbuffer.wgsl",
         include_str!("../../akari_render/src/gbuffer.wgsl"),
     ),
+    // Named apart from the file of this crate.
+    (
+        "render/sky.wgsl",
+        include_str!("../../akari_render/src/sky.wgsl"),
+    ),
 ];
 
 /// The voxels are bound as group 1 to what lights them.

@@ -17,6 +17,7 @@ mod interreflection;
 mod lights;
 mod outliers;
 mod overlay;
+mod reflected_sky;
 mod shadows;
 mod soft_shadows;
 mod stability;

@@ -31,6 +31,10 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             "akari_voxel_gi::mirrors",
             include_str!("../../src/mirrors.wgsl"),
         ),
+        (
+            "akari_render::sky",
+            include_str!("../../../akari_render/src/sky.wgsl"),
+        ),
         ("akari_voxel_gi::sky", include_str!("../../src/sky.wgsl")),
         (
             "akari_voxel_gi::records",

@@ -12,7 +12,7 @@
 //! Gaussians. Glossy on glossy, an elliptic lobe is fitted to the product of both (`akari_math::sg::elliptic`) and integrated
 //! over the triangle, times the mean of what the product is over it at the nodes of the same rule.
 //!
-//! **Sky**: a camera's [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), also one that Bevy generates. Patches
+//! **Sky**: a camera's [`EnvironmentMapLight`], also one that Bevy generates. Patches
 //! gather it from 128 directions with a density as the cosine, shadowed by rays, when it, reflectors or what hides them
 //! changed; each frame if Bevy generates it. What a mirror shows of it is a mean over 16 fixed places for the diffuse part of
 //! the receiver and 16 for its lobe, each with one direction of the mirror's own lobe, looked up in the map as blurred as

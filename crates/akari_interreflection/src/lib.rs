@@ -56,9 +56,9 @@
 //! reason says, too, tells which it is. Rays see triangles themselves and need no bake and no voxels.
 //!
 //! **Limits**: reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
-//! receive. Lights with images are left out, and so is Bevy's
-//! ambient light. Bevy's own light of the map knows no occlusion, and also shines where a reflector covers it. Bent mirrors
-//! blur it too little for how they spread it.
+//! receive. Lights with images are left out, and so is Bevy's ambient light. Bevy's own light of the map knows no occlusion,
+//! and also shines where a reflector covers it. Bent mirrors blur it too little for how they spread it; what bulging ones send
+//! of lamps at grazing angles shows a faint ray for each facet.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;

@@ -30,7 +30,8 @@
 //! tree from above, without a stack, and takes the rectangle of a cluster in place of its triangles where its error is within
 //! [`cut`](settings::Interreflection::cut): where solid angles differ, radiance differs from a plane over the rectangle, or
 //! normals turn the highlight (`akari_math::cluster`). Rectangles of mirrors bend: their normals change linearly from side to
-//! side, and mirrors are clustered along what does not turn. The bound is relative to the cluster's own light under the pixel's
+//! side, and mirrors are clustered along what does not turn. A bent rectangle or triangle lights what is matte as a flat mirror
+//! turned as its middle, with the mean radiance of two normals beside that. The bound is relative to the cluster's own light under the pixel's
 //! largest weight in it; what is little against white may be wrong by more. What the integral of one lobe over a rectangle
 //! loses against that of many over its triangles is not part of it. After Xu et al. 2014, with one bounded test for each
 //! cluster, as in Lightcuts (Walter et al. 2005).

@@ -23,8 +23,8 @@
 #import akari_interreflection::bindings::{lights, view}
 #import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
 #import akari_interreflection::receiver::{
-    bends, corner, corner_count, layer_from_table, look, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of,
-    point_of, Receiver, Seen, Sent, spread_of, turning_direction,
+    corner, corner_count, layer_from_table, look, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of, Plane,
+    plane_of, point_of, Receiver, Seen, Sent, spread_of,
 }
 #import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
 
@@ -54,10 +54,8 @@ const LOBES: u32 = #{TERMS}u;
 const NODES: u32 = #{TERMS}u;
 #endif
 #ifdef BENDS
-// Looks at a mirror whose normals turn: one as at a flat one, and these.
-const TURNED_LOOKS: u32 = 5u;
-#else
-const TURNED_LOOKS: u32 = 0u;
+// Where the two nodes of a rule for what is even between -1 and 1 lie (Gauss).
+const NODE_OF_TURN: f32 = 0.57735027;
 #endif
 
 // What the specular lobe of a reflector takes of a light: radiance to the pixel, and its share of the light's own (polygons).
@@ -255,30 +253,17 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
 }
 #endif
 
-#ifdef BENDS
-// Share of a line on which normals turn from where the pixel sees their front to where it sees their back: of its front.
-fn share_towards(normal_a: vec3<f32>, a: vec3<f32>, normal_b: vec3<f32>, b: vec3<f32>) -> f32 {
-    let cosine_a = -dot(normal_a, safe_normalize(a, normal_a));
-    let cosine_b = -dot(normal_b, safe_normalize(b, normal_b));
-    let seen = max(cosine_a, 0.0) + max(cosine_b, 0.0);
-    return seen / max(abs(cosine_a) + abs(cosine_b), TINY);
-}
-#endif
-
 // The light that a mirror sends to the diffuse part of the pixel: a lobe of the radiance at its point nearest to the axis. `blur`
-// is the lobe's sharpness over that of the image of a point.
+// is the lobe's sharpness over that of the image of a point. Where normals turn, the radiance is the mean of what two normals
+// beside that of the middle show.
 //
-// Where normals turn, the radiance is that of a flat mirror there, times what turning makes of the mean from side to side, along
-// the line on which normals turn most: a hollow mirror magnifies the highlight, a bulging one makes it smaller.
-//
-// Times what a flat mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the
+// Times what a mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the
 // value there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image
 // of the light. A disc has no tails, and the Gaussian holds its light.
 //
 // All looks at the mirror are in one loop, since compilers copy what looks to each place.
-fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, face: vec3<f32>, axis: vec3<f32>, sharpness: f32, blur: f32) -> vec3<f32> {
-    let weights = look(seen, axis);
-    let point = point_of(seen, weights);
+fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, plane: Plane, axis: vec3<f32>, sharpness: f32, blur: f32) -> vec3<f32> {
+    let point = point_of(seen, look(seen, axis));
     let direction = safe_normalize(point, axis);
     let from_axis = direction - axis;
     let away = 0.5 * dot(from_axis, from_axis);
@@ -286,64 +271,32 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
     let cosine = max(dot(receiver.normal_ws, direction), 0.0);
     let widths = max(length(seen.c - seen.a), length(seen.b - seen.a)) * sqrt(local) / max(length(point), TINY);
     var share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
+    var looks = 1u;
 #ifdef BENDS
-    let bent = bends(seen, face);
-    // Of a triangle that bends both sides are taken already.
-    share = select(share, 0.0, bent && !seen.rectangle);
-    let across = turning_direction(seen);
-    let near_weights = nearest_weights(seen, point - across);
-    let far_weights = nearest_weights(seen, point + across);
-    let near_end = point_of(seen, near_weights);
-    let far_end = point_of(seen, far_weights);
-    // Means of what is linear from the point to either end.
-    let to_near = length(near_end - point);
-    let to_far = length(far_end - point);
-    let of_near = 0.5 * to_near / max(to_near + to_far, TINY);
-    let of_far = 0.5 - of_near;
-    let turned_normal = normal_of(seen, weights);
-    let near_normal = normal_of(seen, near_weights);
-    let far_normal = normal_of(seen, far_weights);
-    let near_share = of_near * share_towards(turned_normal, point, near_normal, near_end);
-    let far_share = of_far * share_towards(turned_normal, point, far_normal, far_end);
-    var flat_mean = vec3(0.0);
-    var radiance = vec3(0.0);
-    var turned = vec3(0.0);
-#else
-    let bent = false;
+    looks = select(1u, 2u, plane.bent);
 #endif
     let basis = orthonormal_basis(axis);
     let lobe = EllipticLobe(axis, sharpness, basis[0], 1.0, basis[1]);
-    let first_node = 1u + TURNED_LOOKS;
-    let end = first_node + select(0u, RING_NODES, share > 0.0);
-    var flat = vec3(0.0);
+    let end = looks + select(0u, RING_NODES, share > 0.0);
+    var radiance = vec3(0.0);
     var weights_sum = 0.0;
     var sum = vec3(0.0);
-    var i = 0u;
-    loop {
+    for (var i = 0u; i < end; i++) {
         var at = point;
-        var normal = face;
-        let node = i - min(i, first_node);
-        if i >= first_node {
+        var normal = plane.normal;
+        let node = i - min(i, looks);
+        if i >= looks {
             at = point_of(seen, look(seen, elliptic_direction(lobe, ring_place(node))));
         }
 #ifdef BENDS
-        if i == 1u {
-            normal = turned_normal;
-        } else if i == 2u || i == 4u {
-            at = near_end;
-        } else if i == 3u || i == 5u {
-            at = far_end;
-        }
-        if i == 2u {
-            normal = near_normal;
-        } else if i == 3u {
-            normal = far_normal;
+        if plane.bent && i < looks {
+            normal = safe_normalize(normal + select(-NODE_OF_TURN, NODE_OF_TURN, i == 1u) * plane.half_turn, normal);
         }
 #endif
         let value = reflect_light(receiver, material, light, at, normal).radiance;
-        if i == 0u {
-            flat = value;
-        } else if i >= first_node {
+        if i < looks {
+            radiance += value / f32(looks);
+        } else {
             let to_node = safe_normalize(at, axis);
             let node_cosine = dot(receiver.normal_ws, to_node);
             if node_cosine > 0.0 {
@@ -351,36 +304,9 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
                 sum += ring_weight(node) * value * node_cosine / elliptic_value(lobe, local, to_node);
             }
         }
-#ifdef BENDS
-        if i == 1u {
-            radiance = value;
-            turned = (near_share + far_share) * value;
-            flat_mean = 0.5 * flat;
-        } else if i == 2u {
-            turned += near_share * value;
-        } else if i == 3u {
-            turned += far_share * value;
-        } else if i == 4u {
-            flat_mean += of_near * value;
-        } else if i == 5u {
-            flat_mean += of_far * value;
-            // Where a flat one shows nothing, it has no lobe to correct.
-            let known = flat_mean > vec3(MIN_RADIANCE);
-            radiance = select(radiance, turned * (flat / max(flat_mean, vec3(MIN_RADIANCE))), known);
-        }
-#endif
-        i = select(i + 1u, first_node, i == 0u && !bent);
-        if i >= end {
-            break;
-        }
     }
-#ifdef BENDS
-    radiance = select(flat, radiance, bent);
-#else
-    var radiance = flat;
-#endif
     if weights_sum > 0.0 {
-        let one = flat * cosine / elliptic_value(lobe, local, direction);
+        let one = radiance * cosine / elliptic_value(lobe, local, direction);
         let ratio = sum / max(one * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
         radiance *= select(vec3(1.0), mix(vec3(1.0), ratio, share), one > vec3(MIN_RADIANCE));
     }
@@ -391,26 +317,25 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
 // From a light by way of a glossy triangle and the pixel to the camera.
 fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light) -> Sent {
     let alpha = material.perceptual_roughness * material.perceptual_roughness;
-    let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
-    // Relative to the first corner, which lies in the mirror.
-    let light_at = ((light.position - view.world_position) - receiver.position_rel) - seen.a;
-    if light.kind != KIND_DIRECTIONAL && light.kind != KIND_POLYGON && dot(face, light_at) <= 0.0 {
-        return Sent(vec3(0.0), face, 0.0);
+    let plane = plane_of(seen);
+    let light_at = ((light.position - view.world_position) - receiver.position_rel) - plane.origin;
+    if light.kind != KIND_DIRECTIONAL && light.kind != KIND_POLYGON && dot(plane.normal, light_at) <= 0.0 {
+        return Sent(vec3(0.0), plane.normal, 0.0);
     }
-    var lobe = sg_mirrored_light(-seen.a, light_at, face, alpha);
+    var lobe = sg_mirrored_light(-plane.origin, light_at, plane.normal, alpha);
     if light.kind == KIND_DIRECTIONAL {
-        lobe = sg_mirrored_direction(light.direction, face, alpha);
+        lobe = sg_mirrored_direction(light.direction, plane.normal, alpha);
     }
     var sharpness = 1.0 / max(lobe.inverse_sharpness, MIN_INVERSE_SHARPNESS);
     if light.kind == KIND_POLYGON {
-        let image_at = light_at + seen.a - 2.0 * max(dot(face, light_at), 0.0) * face;
+        let image_at = light_at + plane.origin - 2.0 * max(dot(plane.normal, light_at), 0.0) * plane.normal;
         let squared = max(dot(image_at, image_at), MIN_IMAGE);
-        let image_normal = light.direction - 2.0 * dot(face, light.direction) * face;
+        let image_normal = light.direction - 2.0 * dot(plane.normal, light.direction) * plane.normal;
         // Bounded by the hemisphere for lights that are near.
         let facing = light.area * abs(dot(image_normal, lobe.axis));
         let solid_angle = facing / (squared + facing * (0.5 * INV_PI));
         if solid_angle > MIN_IMAGE {
-            let mirror = reflect_light(receiver, material, light, lobe_landing(lobe.axis, seen.a, seen.b, seen.c), face);
+            let mirror = reflect_light(receiver, material, light, lobe_landing(lobe.axis, seen.a, seen.b, seen.c), plane.normal);
             if mirror.integral > 0.0 {
                 sharpness = image_sharpness(mirror.integral, solid_angle);
             }
@@ -424,7 +349,7 @@ fn from_glossy(receiver: Receiver, seen: Seen, material: ReflectorMaterial, ligh
     var sum = Sent(vec3(0.0), lobe.axis, inverseSqrt(max(sharpness, 1.0)));
     if any(receiver.diffuse_albedo > vec3(0.0)) {
         let sent = to_diffuse(
-            receiver, seen, material, light, face, lobe.axis, sharpness, sharpness * lobe.inverse_sharpness,
+            receiver, seen, material, light, plane, lobe.axis, sharpness, sharpness * lobe.inverse_sharpness,
         );
         sum.light = receiver.diffuse_albedo * min(sent, brightest);
     }

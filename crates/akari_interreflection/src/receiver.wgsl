@@ -15,7 +15,7 @@ const MIN_N_DOT_V: f32 = 1e-4;
 // A pixel that is closer to a triangle's plane than this, over its distance from the corners and the camera, lies on it: up to
 // the rounding of its depth.
 const ON_PLANE: f32 = 1e-4;
-// A triangle whose normals turn by less than this, as 1 - cosine, is flat.
+// A reflector whose normals turn from the middle by less than this, squared, is flat.
 const FLAT: f32 = 1e-5;
 
 // Largest sharpness of a lobe.
@@ -220,46 +220,40 @@ fn middle_of(seen: Seen) -> vec3<f32> {
     return (seen.a + seen.b + seen.c) / 3.0;
 }
 
-// Whether normals turn from one side to the other. `face` is the normal of the plane.
-fn bends(seen: Seen, face: vec3<f32>) -> bool {
-    if seen.rectangle {
-        return 0.5 * max(dot(seen.normal_b, seen.normal_b), dot(seen.normal_c, seen.normal_c)) > FLAT;
-    }
-    return 1.0 - min(dot(face, seen.normal_a), dot(face, seen.normal_b)) > FLAT;
+// The plane of the mirror that is seen in the place of what is seen: where normals turn, that of the middle.
+struct Plane {
+    origin: vec3<f32>,
+    normal: vec3<f32>,
+#ifdef BENDS
+    bent: bool,
+    // How far normals turn from the middle to the side, or corner, where they turn most.
+    half_turn: vec3<f32>,
+#endif
 }
 
-// The side, or edge, along which normals turn most over its length, from end to end.
-fn turning_direction(seen: Seen) -> vec3<f32> {
-    if seen.rectangle {
-        let along_u = seen.b - seen.a;
-        let along_v = seen.d - seen.a;
-        let turn_u = dot(seen.normal_b, seen.normal_b) * dot(along_v, along_v);
-        let turn_v = dot(seen.normal_c, seen.normal_c) * dot(along_u, along_u);
-        return select(along_v, along_u, turn_u >= turn_v);
-    }
-    var direction = vec3(0.0);
-    var most = 0.0;
-    var from_corner = seen.c;
-    var from_normal = seen.normal_c;
-    for (var k = 0u; k < 3u; k++) {
-        var to_corner = seen.c;
-        var to_normal = seen.normal_c;
-        if k == 0u {
-            to_corner = seen.a;
-            to_normal = seen.normal_a;
-        } else if k == 1u {
-            to_corner = seen.b;
-            to_normal = seen.normal_b;
+fn plane_of(seen: Seen) -> Plane {
+    var plane: Plane;
+    plane.origin = seen.a;
+    plane.normal = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
+#ifdef BENDS
+    var one = seen.normal_b;
+    var two = seen.normal_c;
+    if !seen.rectangle {
+        // Of three corners' normals, half of what is between two.
+        one = 0.5 * (seen.normal_b - seen.normal_a);
+        two = 0.5 * (seen.normal_c - seen.normal_a);
+        let three = one - two;
+        if dot(three, three) > dot(one, one) {
+            one = three;
         }
-        let edge = to_corner - from_corner;
-        let turn = to_normal - from_normal;
-        let rate = dot(turn, turn) / max(dot(edge, edge), TINY);
-        if rate > most {
-            most = rate;
-            direction = edge;
-        }
-        from_corner = to_corner;
-        from_normal = to_normal;
     }
-    return direction;
+    plane.half_turn = select(two, one, dot(one, one) >= dot(two, two));
+    plane.bent = dot(plane.half_turn, plane.half_turn) > FLAT;
+    if plane.bent {
+        let middle = select(vec3(1.0 / 3.0), vec3(0.0), seen.rectangle);
+        plane.origin = point_of(seen, middle);
+        plane.normal = normal_of(seen, middle);
+    }
+#endif
+    return plane;
 }

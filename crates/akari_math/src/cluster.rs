@@ -80,9 +80,9 @@ pub fn cluster_light_error(residual: f32, variation: f32, aperture: f32, mean: f
 /// points are seen turned by `parallax` from both sides together (deviation over distance from receiver and light).
 ///
 /// The logarithm of GGX's distribution, `2 ln((1 + t²)/(α² + t²))` for the tangent t, has the slope
-/// `4 t (1 - α²)/(α² + t²)`, at most `2/α`; half-vectors turn by half of `parallax`. What turns linearly is taken from both
-/// sides of the rectangle, `2 turn` apart: with the largest second derivative `4/α²` that is off by an eighth of its
-/// product with the square of what is between them, `2 turn²/α²`.
+/// `4 t (1 - α²)/(α² + t²)`, at most `2/α`; half-vectors turn by half of `parallax`. A mirror in the plane of
+/// the middle has there what its sides have turned by `turn`: what that changes to the first order is made up for by the other
+/// side, and to the second, with the largest second derivative `4/α²`, it is off by `2 turn²/α²` at most.
 #[must_use]
 pub fn cluster_gloss_error(turn: f32, stray: f32, parallax: f32, alpha: f32) -> f32 {
     let width = alpha.max(MIN_ALPHA);

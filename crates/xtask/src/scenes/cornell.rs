@@ -13,6 +13,11 @@ pub fn metal() -> Material {
     Material::metal([0.92, 0.91, 0.89], 0.2)
 }
 
+/// The tall block of `cornell_glossy.glb`: rough enough that voxels follow what it reflects.
+pub fn rough_metal() -> Material {
+    Material::metal([0.92, 0.91, 0.89], 0.5)
+}
+
 /// The tall block of `cornell_matte.glb`, as in the box that Cornell measured.
 pub fn matte() -> Material {
     Material::lambert(WHITE)

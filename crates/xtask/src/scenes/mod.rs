@@ -47,6 +47,10 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
             cornell::cornell("cornell", cornell::metal()).finish(),
         ),
         (
+            "cornell_glossy.glb",
+            cornell::cornell("cornell_glossy", cornell::rough_metal()).finish(),
+        ),
+        (
             "cornell_matte.glb",
             cornell::cornell("cornell_matte", cornell::matte()).finish(),
         ),

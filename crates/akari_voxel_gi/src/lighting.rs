@@ -344,6 +344,7 @@ impl VoxelLighting {
         Some(MirroredLights {
             buffer,
             count: self.light_count,
+            voxels: self.key.feedback,
         })
     }
 

@@ -31,7 +31,8 @@ pub struct VoxelGi {
     pub pages: u32,
     /// Most bricks of 4³ voxels that are made from triangles in a frame. 1 to 65,535.
     pub bricks_per_frame: u32,
-    /// Whether light bounces more than once: each frame adds a bounce to what the voxels send out.
+    /// Whether light bounces more than once: each frame adds a bounce to what the voxels send out. Without it metal mirrors lamps
+    /// and the sky alone.
     pub feedback: bool,
     /// Cones of the hemisphere of each pixel: 1, 5, 9 or 16 (others count as the next smaller one).
     pub cones: u32,

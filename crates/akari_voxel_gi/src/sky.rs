@@ -58,8 +58,8 @@ pub struct GpuVoxelSurroundings {
     pub interior_count: u32,
     /// Lights that metal mirrors.
     pub light_count: u32,
-    /// Padding.
-    pub pad_b: u32,
+    /// 1 where it mirrors what voxels reflect, too: one more bounce.
+    pub mirrors_voxels: u32,
     /// The interiors.
     pub interiors: [GpuVoxelInterior; MOST_INTERIORS],
 }
@@ -137,6 +137,8 @@ pub struct MirroredLights {
     pub buffer: Buffer,
     /// Number of lights.
     pub count: u32,
+    /// Whether it mirrors what voxels reflect, too.
+    pub voxels: bool,
 }
 
 impl SkyBindings {
@@ -155,6 +157,7 @@ impl SkyBindings {
             rotation: Quat::IDENTITY.into(),
             interior_count: interiors.0.len().min(MOST_INTERIORS) as u32,
             light_count: mirrored.as_ref().map_or(0, |lights| lights.count),
+            mirrors_voxels: u32::from(mirrored.as_ref().is_some_and(|lights| lights.voxels)),
             ..default()
         };
         for (target, interior) in surroundings.interiors.iter_mut().zip(&interiors.0) {

@@ -46,7 +46,8 @@ struct VoxelSurroundings {
     interior_count: u32,
     // Lights that metal mirrors.
     light_count: u32,
-    pad_b: u32,
+    // 1 where it mirrors what voxels reflect, too: one more bounce.
+    mirrors_voxels: u32,
     interiors: array<VoxelInterior, 16>,
 }
 
@@ -137,6 +138,9 @@ fn trace_light(cone: VoxelRay, sky_tangent: f32) -> VoxelTrace {
         if segment == TO_LAMP {
             result.radiance += carried * mirrored.other * traced.transmittance;
             break;
+        }
+        if segment == MIRRORED && voxel_surroundings.mirrors_voxels == 0u {
+            radiance = vec3(0.0);
         }
         if segment == MIRRORED && mirrored.lamp_distance > 0.0 {
             radiance += traced.transmittance * mirrored.lamp_radiance;

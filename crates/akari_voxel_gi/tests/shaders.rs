@@ -523,7 +523,7 @@ fn the_uniform_of_the_surroundings_has_one_layout() {
         last_level: 4.0,
         interior_count: 5,
         light_count: 6,
-        pad_b: 7,
+        mirrors_voxels: 7,
         ..Default::default()
     };
     surroundings.interiors[0].x_row.x = 8.0;
@@ -534,7 +534,7 @@ fn the_uniform_of_the_surroundings_has_one_layout() {
         ("last_level", bits(4.0)),
         ("interior_count", 5),
         ("light_count", 6),
-        ("pad_b", 7),
+        ("mirrors_voxels", 7),
         ("interiors", bits(8.0)),
     ];
     let interior = struct_of(SKY, "VoxelInterior");

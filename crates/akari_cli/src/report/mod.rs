@@ -43,7 +43,7 @@ pub struct Scope {
     face_size: u32,
     /// Frames of one sample a pixel that the denoiser is given.
     history_frames: u32,
-    /// Frames after which indirect light is compared: bounces add up from frame to frame, and samples.
+    /// Frames after those of a change, after which indirect light is compared: bounces add up from frame to frame, and samples.
     bounce_frames: u32,
     /// Whether knobs that show least are left as they are.
     quick: bool,
@@ -59,7 +59,7 @@ impl Scope {
                 steps: 3,
                 face_size: 32,
                 history_frames: 4,
-                bounce_frames: 14,
+                bounce_frames: 8,
                 quick: true,
             }
         } else {
@@ -332,7 +332,7 @@ fn time(
     const MOST_REPEATS: u32 = 4;
     /// A quick look ends its rounds then, where two have been: one that begins before the machine has settled is not
     /// enough.
-    const QUICK_END: Duration = Duration::from_secs(20);
+    const QUICK_END: Duration = Duration::from_secs(15);
     const QUICK_ROUNDS: u32 = 2;
     // The least of few short times is a matter of luck: rounds go on for as long.
     let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });

@@ -1,11 +1,13 @@
 //! What interreflection costs by tier, preset and number of reflecting triangles, and how wrong each is.
 //!
 //! `cargo bench -p bevy_akari_benches --bench interreflection` prints the tables; with `-- write` it also writes
-//! `crates/akari_interreflection/docs/error_time.md` and its plot; with `-- tiers`, `presets`, `rays`, `clusters` or `blockers`
+//! `crates/akari_interreflection/docs/error_time.md` and its plot; with `-- tiers`, `presets`, `rays`, `sky`, `clusters` or `blockers`
 //! it measures that table alone. Times are GPU spans of the adapter named in it, all in one run, but for those of the trees
 //! that rays walk (`blockers`), which the CPU makes.
 
+use bevy::light::EnvironmentMapLight;
 use bevy::math::Affine3A;
+use bevy::prelude::*;
 use bevy_akari::interreflection::blockers::{BlockerMesh, Blockers};
 use bevy_akari::interreflection::geometry::ReflectorMesh;
 use bevy_akari::interreflection::pipeline::SHADE_LABEL;
@@ -222,6 +224,41 @@ fn shadow_rays(corner: &mut Corner) -> String {
     rows
 }
 
+/// An even sky beside the light, and nothing else changed.
+fn sky(corner: &mut Corner) -> String {
+    let mut rows =
+        String::from("| wall | rays | without, ms | with, ms | ratio |\n|---|---|---|---|---|\n");
+    let high = AkariSettings::preset(Quality::High).interreflection;
+    let world = corner.headless.app.world_mut();
+    let mut cameras = world.query_filtered::<Entity, With<AkariCamera>>();
+    let camera = cameras.iter(world).next().expect("a camera");
+    for (name, material) in [("Lambert", Material::Lambert), ("metal", METAL)] {
+        for shadow_rays in [0, 3] {
+            let settings = Interreflection {
+                shadow_rays,
+                ..triangles_as_patches(high.tier, high.cut)
+            };
+            corner.build(wall(PRESET_ROWS, BEND), material);
+            let plain = corner.plain();
+            let (_, without) = measure(corner, settings, &plain, FRAMES);
+            let world = corner.headless.app.world_mut();
+            let mut images = world.resource_mut::<Assets<Image>>();
+            let map = EnvironmentMapLight::solid_color(&mut images, Color::WHITE);
+            world.entity_mut(camera).insert(map);
+            let (_, with) = measure(corner, settings, &plain, FRAMES);
+            let world = corner.headless.app.world_mut();
+            world.entity_mut(camera).remove::<EnvironmentMapLight>();
+            let _ = writeln!(
+                rows,
+                "| {name} | {shadow_rays} | {without:.1} | {with:.1} | {:.2} |",
+                with / without
+            );
+            eprintln!("{}", rows.lines().last().unwrap_or_default());
+        }
+    }
+    rows
+}
+
 /// CPU time, in ms, of what rays walk: trees of meshes that are new, and what a body that moves costs.
 fn blockers() -> String {
     const TRIES: usize = 5;
@@ -271,10 +308,11 @@ fn main() {
     // Without the driver.
     let adapter = adapter.split(" (Mesa").next().unwrap_or_default();
     let mut series = Vec::new();
-    let tables: [(&str, fn(&mut Corner) -> String); 4] = [
+    let tables: [(&str, fn(&mut Corner) -> String); 5] = [
         ("tiers", |corner| tiers(corner, &mut Vec::new())),
         ("presets", |corner| presets(corner, &mut Vec::new())),
         ("rays", shadow_rays),
+        ("sky", sky),
         ("clusters", clusters),
     ];
     for (name, table) in tables {
@@ -287,6 +325,7 @@ fn main() {
     let tiers = tiers(&mut corner, &mut series);
     let presets = presets(&mut corner, &mut series);
     let rays = shadow_rays(&mut corner);
+    let sky = sky(&mut corner);
     let high = AkariSettings::preset(Quality::High).interreflection;
     let text = format!(
         "# One bounce by triangles: error against time\n\n\
@@ -300,6 +339,8 @@ fn main() {
         ## Presets\n\nA bent metal wall of 968 triangles.\n\n{presets}\n\
         ## Shadow rays\n\nThe same wall with `tier` and `cut` of the preset `high`, and so many rays for each light of a triangle or\n\
         cluster; presets have 0, 1, 3 and 7.\n\n{rays}\n\
+        ## Sky\n\nThe same wall, of Lambert too, beside the light and an even sky (`EnvironmentMapLight`): mirrors look at it from\n\
+        16 places, and with rays at what hides each.\n\n{sky}\n\
         ## Few and many triangles\n\nThe bent wall's sides come {BEND} m forward. Clusters may err by {} (`cut` of the preset `high`).\n\n{clusters}\n\
         ![error against time](error_time.svg)\n",
         2 * FEW * FEW,

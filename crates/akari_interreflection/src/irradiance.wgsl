@@ -12,7 +12,8 @@
 }
 
 #ifdef SKY
-#import akari_interreflection::sky::{sky_radiance, TURN}
+#import akari_math::places::cosine_place
+#import akari_interreflection::sky::sky_radiance
 #endif
 
 @group(0) @binding(0) var<uniform> settings: InterreflectionView;
@@ -61,7 +62,7 @@ fn open_share(light: Light, point: vec3<f32>, normal: vec3<f32>) -> f32 {
 #endif
 
 #ifdef SKY
-// Directions from which a corner is lit by the sky, with a density as the cosine: evenly over the disc below them (Vogel 1979).
+// Directions from which a corner is lit by the sky, with a density as the cosine.
 // Patches are lit once, so that there may be many.
 const SKY_DIRECTIONS: u32 = 128u;
 #ifdef SHADOW_RAYS
@@ -76,17 +77,15 @@ fn sky_over(triangle: Triangle, corner: vec3<f32>, frame: mat3x3<f32>) -> vec3<f
     var sum = vec3(0.0);
     let part = 1.0 / f32(SKY_DIRECTIONS);
     for (var i = 0u; i < SKY_DIRECTIONS; i++) {
-        let square = (f32(i) + 0.5) * part;
-        let angle = TURN * f32(i);
-        let cosine = sqrt(1.0 - square);
-        let direction = frame * vec3(sqrt(square) * vec2(cos(angle), sin(angle)), cosine);
+        let place = cosine_place(i, SKY_DIRECTIONS);
+        let direction = frame * place;
 #ifdef SHADOW_RAYS
         let origin = mix(corner, (triangle.a + triangle.b + triangle.c) / 3.0, INWARD);
         if held_back(origin, direction * FAR, START / FAR, END) {
             continue;
         }
 #endif
-        sum += sky_radiance(direction, part / cosine);
+        sum += sky_radiance(direction, part / place.z);
     }
     return sum * part;
 }

@@ -11,7 +11,9 @@
 #else
 #import akari_math::ltc::polygon::{lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new}
 #endif
+#import akari_math::places::{beside_weight, cosine_place, cube_place, mapped_spread, triangle_place}
 #import akari_math::special::{safe_normalize, TINY}
+#import akari_math::voxel::cone::lobe_cone_height
 #import akari_interreflection::bindings::view
 #import akari_interreflection::lights::INV_PI
 #ifdef SHADOW_RAYS
@@ -20,9 +22,9 @@
 #import akari_interreflection::open::{ABOVE, APART}
 #endif
 #import akari_interreflection::receiver::{
-    corner, corner_count, layer_from_table, look, MIN_N_DOT_V, normal_of, point_of, Receiver, Seen,
+    corner, corner_count, layer_from_table, look, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, normal_of, point_of, Receiver, Seen,
 }
-#import akari_interreflection::sky::{sky_radiance, TURN}
+#import akari_interreflection::sky::sky_radiance
 #import akari_interreflection::types::ReflectorMaterial
 
 // Places that the diffuse part of a pixel looks at, and its specular lobe.
@@ -31,14 +33,7 @@ const PLACES: u32 = 16u;
 const OVERLAP: f32 = 2.0;
 // Part of a lobe's energy that directions are taken from: the rest is almost the whole sphere.
 const LOBE_ENERGY: f32 = 0.98;
-// Least weight of a place beside the mirror, so that one that lies between all places is seen.
-const LEAST_WEIGHT: f32 = 1e-6;
-// Largest exponent of such a weight.
-const MOST_EXPONENT: f32 = 13.0;
 const TWO_PI: f32 = 6.28318531;
-// Steps of a sequence that fills a cube of four dimensions evenly: powers of 1 / p of p^5 = p + 1 (Roberts 2018, "The
-// Unreasonable Effectiveness of Quasirandom Sequences").
-const STEPS: vec4<f32> = vec4<f32>(0.85667488, 0.73389185, 0.62870672, 0.53859725);
 
 // What the sky sends by way of a mirror, and what of it is held back.
 struct SkySent {
@@ -59,7 +54,7 @@ fn show(receiver: Receiver, seen: Seen, material: ReflectorMaterial, weights: ve
     let to_pixel = safe_normalize(-at, normal);
     let alpha = material.perceptual_roughness * material.perceptual_roughness;
     let lobe = ggx_reflection_lobe(normal, to_pixel, alpha);
-    let versine = min(-lobe.inverse_sharpness * log(1.0 - LOBE_ENERGY * draw.x), 2.0);
+    let versine = lobe_cone_height(1.0 / max(lobe.inverse_sharpness, MIN_INVERSE_SHARPNESS), LOBE_ENERGY * draw.x);
     let angle = TWO_PI * draw.y;
     let sine = sqrt(versine * (2.0 - versine));
     let basis = orthonormal_basis(lobe.axis);
@@ -131,7 +126,7 @@ fn from_sky(receiver: Receiver, seen: Seen, material: ReflectorMaterial, gap: f3
     for (var i = select(PLACES, 0u, diffuse); i < end; i++) {
         let node = i % PLACES;
         let part = i / PLACES;
-        let draw = fract(0.5 + f32(node) * STEPS);
+        let draw = cube_place(node);
         var direction = vec3(0.0);
         var weight = 0.0;
         var spread = 0.0;
@@ -140,31 +135,25 @@ fn from_sky(receiver: Receiver, seen: Seen, material: ReflectorMaterial, gap: f3
             let second = node % triangles == 1u;
             let one = safe_normalize(select(seen.b, seen.c, second), vec3(0.0));
             let two = safe_normalize(select(seen.c, seen.d, second), vec3(0.0));
-            let at = to_a + sqrt(draw.x) * ((one - to_a) + draw.y * (two - one));
-            let squared = max(dot(at, at), TINY);
-            // Solid angle of what one place stands for, times their number.
-            let solid_angle = 0.5 * abs(dot(to_a, cross(one, two))) / (squared * sqrt(squared));
-            direction = at * inverseSqrt(squared);
-            weight = solid_angle * max(dot(receiver.normal_ws, direction), 0.0);
-            spread = f32(triangles) * solid_angle * INV_PI;
+            // With the solid angle of what one place stands for, times their number.
+            let at = triangle_place(to_a, one, two, draw.xy);
+            direction = at.xyz;
+            weight = at.w * max(dot(receiver.normal_ws, direction), 0.0);
+            spread = f32(triangles) * at.w * INV_PI;
             place = look(seen, direction);
         }
 #ifdef GLOSSY_RECEIVERS
         if part == 1u {
-            // With a density as the lobe: as the cosine where the lobe is one, evenly over the disc below (Vogel 1979).
-            let square = (f32(node) + 0.5) / f32(PLACES);
-            let turn = TURN * f32(node);
-            let cosine = sqrt(1.0 - square);
-            let stretched = receiver.layer.m * vec3(sqrt(square) * vec2(cos(turn), sin(turn)), cosine);
-            let long = max(length(stretched), TINY);
-            spread = jacobian / (long * long * long * cosine);
-            direction = frame * (stretched / long);
+            // With a density as the lobe: as the cosine where the lobe is one.
+            let of_cosine = cosine_place(node, PLACES);
+            let mapped = receiver.layer.m * of_cosine;
+            spread = mapped_spread(jacobian, length(mapped), of_cosine.z);
+            direction = frame * safe_normalize(mapped, of_cosine);
             place = look(seen, direction);
             // Places beside the mirror are at its edge, and count as far as their part of the lobe may reach there.
             let landed = safe_normalize(point_of(seen, place), direction);
             let beside = landed - direction;
-            let reach = max(spread / f32(PLACES), TINY);
-            weight = max(exp(-min(2.0 * dot(beside, beside) / reach, MOST_EXPONENT)), LEAST_WEIGHT);
+            weight = beside_weight(dot(beside, beside), spread / f32(PLACES));
             weight *= select(0.0, 1.0, dot(receiver.normal_ws, landed) > 0.0);
         }
 #endif

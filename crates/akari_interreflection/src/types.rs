@@ -153,7 +153,7 @@ pub struct GpuInterreflectionView {
     pub high: Vec3,
 }
 
-/// The environment map that reflectors see, field by field as in `sky.wgsl`.
+/// The environment map that reflectors see, field by field as in `types.wgsl`.
 #[derive(ShaderType, Debug, Clone, Copy, Default, PartialEq)]
 pub struct GpuReflectedSky {
     /// Quaternion that turns directions of the world into those of the map.

@@ -91,3 +91,13 @@ struct BlockerNode {
 fn class_depth(receivers: u32) -> f32 {
     return f32(receivers) / 255.0;
 }
+
+// The environment map that reflectors see.
+struct ReflectedSky {
+    // Quaternion that turns directions of the world into those of the map.
+    to_map: vec4<f32>,
+    // Nits per unit of the map.
+    intensity: f32,
+    // Level of the map that is filtered for a roughness of 1.
+    last_level: f32,
+}

@@ -4,7 +4,7 @@
 use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
 use akari_interreflection::types::{
     AGGREGATE_WORKGROUP, BLOCKER_COUNT_BITS, FLAG_TWO_SIDED, GpuBlockerNode, GpuCluster,
-    GpuClusterLight, GpuInterreflectionView, GpuReflectorMaterial, GpuTriangle,
+    GpuClusterLight, GpuInterreflectionView, GpuReflectedSky, GpuReflectorMaterial, GpuTriangle,
     IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
     RECEIVERS_GLOSSY, RECEIVERS_MATTE,
 };
@@ -337,4 +337,17 @@ fn layouts_agree() {
         ("leaf", 4),
     ];
     assert_eq!(fault("BlockerNode", &node, &fields), None);
+    let sky = GpuReflectedSky {
+        to_map: at(1.0).extend(0.0),
+        intensity: 2.0,
+        last_level: 3.0,
+    };
+    let mut fields = [
+        ("to_map", float(1.0)),
+        ("intensity", float(2.0)),
+        ("last_level", float(3.0)),
+    ];
+    assert_eq!(fault("ReflectedSky", &sky, &fields), None);
+    fields[1].1 = float(3.0);
+    assert!(fault("ReflectedSky", &sky, &fields).is_some());
 }

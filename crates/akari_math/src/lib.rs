@@ -46,6 +46,7 @@ pub mod noise_estimate;
 pub mod octahedral;
 pub mod oracle;
 pub mod outline;
+pub mod places;
 pub mod polygon;
 pub mod random;
 pub mod reflector;
@@ -108,6 +109,7 @@ pub const WGSL_MODULES: &[(&str, &str)] = &[
     ("akari_math::ltc::polygon", include_str!("ltc/polygon.wgsl")),
     ("akari_math::ltc::lookup", include_str!("ltc/lookup.wgsl")),
     ("akari_math::area_light", include_str!("area_light.wgsl")),
+    ("akari_math::places", include_str!("places.wgsl")),
     ("akari_math::reflector", include_str!("reflector.wgsl")),
     ("akari_math::segment", include_str!("segment.wgsl")),
     ("akari_math::cluster", include_str!("cluster.wgsl")),

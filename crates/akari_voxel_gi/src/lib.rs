@@ -29,7 +29,7 @@
 //! **Shadows in voxels**: voxels are lit by point, spot and directional lights with shadows by rays through the voxels, not by
 //! Bevy's shadow maps: those are there only for lights with shadows on, cover only what some camera sees, and end where a
 //! cascade does, while what lights a room is often behind the camera. What that costs, of a floor's voxels of 5 cm by themselves
-//! against exact rays (`tests/voxels/shadows.rs`, relative RMSE and bias): behind a pillar 8 % (+0.8 %), under bars of four voxels 20 %
+//! against exact rays (`tests/voxels/shadows.rs`, relative RMSE and bias): behind a pillar 3 % (+0.3 %), under bars of four voxels 20 %
 //! (-1.3 %), under bars of one voxel 27 % (+0.1 %). The error is at the edges of shadows, where one ray stands for a voxel.
 //!
 //! **Metal**: cones of pixels follow the lobe of rough metal, and of metal whose image of lamps another effect draws

@@ -6,7 +6,7 @@ use akari_scene::{Environment, Scene};
 use bevy::light::EnvironmentMapLight;
 use bevy::prelude::*;
 use bevy_akari::interreflection::EFFECT;
-use bevy_akari::interreflection::pipeline::SHADE_LABEL;
+use bevy_akari::interreflection::pipeline::{IRRADIANCE_LABEL, SHADE_LABEL};
 use bevy_akari::prelude::*;
 use bevy_akari_tests::accuracy::{render_with_cli, scene_path};
 use bevy_akari_tests::reflecting::{Corner, Material, triangles_as_patches, wall};
@@ -239,9 +239,17 @@ fn a_sky_is_paid_for_while_it_is_there() {
         let bytes = corner.headless.ledger().bytes_by_effect();
         bytes.get(EFFECT).copied().unwrap_or(0)
     };
+    let pipelines = |corner: &Corner| {
+        let labels = corner.headless.pipeline_labels();
+        labels.into_iter().filter(|l| l.contains(EFFECT)).count()
+    };
+    let lit = |corner: &Corner| {
+        let passes = corner.headless.ledger().passes();
+        passes.get(IRRADIANCE_LABEL).copied().unwrap_or(0)
+    };
     let sum = |values: &[f64]| values.iter().sum::<f64>();
     let lamp = sum(&corner.added(settings, &plain));
-    let without = bytes(&corner);
+    let (without, compiled) = (bytes(&corner), pipelines(&corner));
     let world = corner.headless.app.world_mut();
     let camera = (world
         .query_filtered::<Entity, With<AkariCamera>>()
@@ -260,10 +268,50 @@ fn a_sky_is_paid_for_while_it_is_there() {
     println!("a lamp {lamp:.3}, a lamp and the sky {both:.3}");
     assert!(both > 1.05 * lamp, "{both} {lamp}");
     assert!(bytes(&corner) > without, "the sky takes some memory");
+    let with_sky = pipelines(&corner);
+    assert!(with_sky > compiled, "and pipelines of its own");
+    let once = lit(&corner);
+    for _ in 0..3 {
+        corner.headless.step().expect("it renders");
+    }
+    assert_eq!(
+        lit(&corner),
+        once,
+        "patches are lit once by a sky that is still"
+    );
+
+    // Voxel GI has the sky: what metal mirrors of lamps is left, and costs what it costs without one.
+    corner.build(wall(1, 0.0), Material::Metal(0.5));
+    let voxels = VoxelGi {
+        resolution: 32,
+        ..VoxelGi::default()
+    };
+    corner
+        .headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .insert(voxels);
+    corner.plain();
+    corner.added(settings, &plain);
+    let beside_voxels = (bytes(&corner), pipelines(&corner));
     let world = corner.headless.app.world_mut();
     world.entity_mut(camera).remove::<EnvironmentMapLight>();
+    corner.headless.step_until_ready().expect("it renders");
+    corner.headless.step().expect("it renders");
+    assert_eq!((bytes(&corner), pipelines(&corner)), beside_voxels);
+    corner
+        .headless
+        .app
+        .world_mut()
+        .entity_mut(camera)
+        .remove::<VoxelGi>();
+
+    corner.build(wall(1, 0.0), Material::Lambert);
     corner.plain();
+    let before = pipelines(&corner);
     let again = sum(&corner.added(settings, &plain));
     assert!((again / lamp - 1.0).abs() < 1e-4, "{again} {lamp}");
     assert_eq!(bytes(&corner), without);
+    assert_eq!(pipelines(&corner), before, "nothing is compiled anew");
 }

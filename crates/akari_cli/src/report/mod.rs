@@ -53,7 +53,7 @@ impl Scope {
     fn of(args: &ReportArgs) -> Self {
         let mut scope = if args.quick {
             Self {
-                size: 96,
+                size: 80,
                 spp: 256,
                 rounds: 3,
                 steps: 3,
@@ -332,7 +332,7 @@ fn time(
     const MOST_REPEATS: u32 = 4;
     /// A quick look ends its rounds then, where two have been: one that begins before the machine has settled is not
     /// enough.
-    const QUICK_END: Duration = Duration::from_secs(15);
+    const QUICK_END: Duration = Duration::from_secs(10);
     const QUICK_ROUNDS: u32 = 2;
     // The least of few short times is a matter of luck: rounds go on for as long.
     let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });

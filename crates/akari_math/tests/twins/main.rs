@@ -16,6 +16,7 @@ mod ltc;
 mod mirrored_light;
 mod noise;
 mod packing;
+mod places;
 mod properties;
 mod reflection_lobes;
 mod reflector;
@@ -48,6 +49,7 @@ fn table() -> Vec<Case> {
     cases.extend(ggx::cases());
     cases.extend(clusters::cases());
     cases.extend(reflector::cases());
+    cases.extend(places::cases());
     cases.extend(segment::cases());
     cases.extend(packing::cases());
     cases.extend(ltc::cases());

@@ -44,7 +44,7 @@ fn open_share(receiver: Receiver, seen: Seen, sent: Sent, gap: f32, light: Light
     let middle = safe_normalize(point_of(seen, look(seen, sent.axis)), sent.axis);
     let basis = orthonormal_basis(middle);
     let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
-    let pixel = view.world_position + receiver.position_rel;
+    let pixel = (view.world_position + receiver.position_rel) - seen.shift;
     let above = receiver.normal_ws * (ABOVE * length(receiver.position_rel));
     let legs = select(1u, 2u, mirror);
     var open = 0.0;

@@ -15,6 +15,8 @@ const MIN_N_DOT_V: f32 = 1e-4;
 // A pixel that is closer to a triangle's plane than this, over its distance from the corners and the camera, lies on it: up to
 // the rounding of its depth.
 const ON_PLANE: f32 = 1e-4;
+// Cosine between the normals of a pixel and of a plane in which it lies, above which it is part of it and not of what meets it.
+const PARALLEL: f32 = 0.9;
 // A reflector whose normals turn from the middle by less than this, squared, is flat.
 const FLAT: f32 = 1e-5;
 
@@ -93,6 +95,10 @@ struct Seen {
     // -1 where its back is seen and the second and third corner are swapped.
     side: f32,
     visible: bool,
+#ifdef SHADOW_RAYS
+    // By which all of it was moved, so that the pixel is in front.
+    shift: vec3<f32>,
+#endif
 }
 
 fn see(triangle: Triangle, receiver: Receiver) -> Seen {
@@ -115,9 +121,18 @@ fn see(triangle: Triangle, receiver: Receiver) -> Seen {
     let height = -dot(normal, seen.a);
     let reach = max(max(length(seen.a), length(seen.b)), max(length(seen.c), length(receiver.position_rel)));
     if abs(height) <= ON_PLANE * reach {
-        return seen;
-    }
-    if height < 0.0 {
+        if abs(dot(normal, n)) > PARALLEL {
+            return seen;
+        }
+        // Where another surface meets the plane: in front of it by as much.
+        let shift = normal * (height - ON_PLANE * reach);
+        seen.a += shift;
+        seen.b += shift;
+        seen.c += shift;
+#ifdef SHADOW_RAYS
+        seen.shift = shift;
+#endif
+    } else if height < 0.0 {
         if (triangle.flags & FLAG_TWO_SIDED) == 0u {
             return seen;
         }

@@ -72,7 +72,7 @@ fn show(receiver: Receiver, seen: Seen, material: ReflectorMaterial, weights: ve
     let radiance = layer.albedo * sky_radiance(direction, share);
     var open = 1.0;
 #ifdef SHADOW_RAYS
-    let pixel = view.world_position + receiver.position_rel;
+    let pixel = (view.world_position + receiver.position_rel) - seen.shift;
     let above = receiver.normal_ws * (ABOVE * length(receiver.position_rel));
     let face = safe_normalize(cross(seen.b - seen.a, seen.c - seen.a), seen.normal_a);
     let segment = at - above;

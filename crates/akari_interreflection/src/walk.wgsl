@@ -8,7 +8,7 @@
     ClusterView, gloss_of, largest, least_versine, light_error, shape_error, view_cluster,
 }
 #import akari_interreflection::lights::INV_PI
-#import akari_interreflection::receiver::{light_of, ON_PLANE, Receiver, see, see_cluster, Seen}
+#import akari_interreflection::receiver::{light_of, ON_PLANE, PARALLEL, Receiver, see, see_cluster, Seen}
 #import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, MIXED_MATERIAL}
 
 // Share of white, times the allowed error, that a cluster's error may be where it is a large part of the cluster's light: in
@@ -58,6 +58,8 @@ struct Found {
 struct Choice {
     // It sends nothing here.
     dark: bool,
+    // Its back is to the pixel.
+    behind: bool,
     // Error of its rectangle.
     error: f32,
     // Largest weight of a direction in it: reflectance over pi, or of the lobe's peak.
@@ -71,7 +73,10 @@ fn choose(receiver: Receiver, cluster: Cluster, seen: ClusterView, offset: vec3<
     // All triangles are below the horizon, or show their backs, or lie in one plane with the pixel: as `see` has it.
     let rounding = ON_PLANE * max(seen.nearest, length(receiver.position_rel));
     let off_plane = abs(seen.height) + cluster.deviation + cluster.turn * seen.farthest;
-    choice.dark = facing <= 0.0 || (seen.side < 0.0 && !two_sided) || off_plane <= rounding;
+    let in_plane = off_plane <= rounding;
+    let parallel = abs(dot(cluster.normal, receiver.normal_ws)) > PARALLEL;
+    choice.behind = seen.side < 0.0 && !in_plane;
+    choice.dark = facing <= 0.0 || (choice.behind && !two_sided) || (in_plane && parallel);
     choice.weight = largest(receiver.diffuse_albedo) * INV_PI * min(facing / max(seen.nearest, TINY), 1.0);
     choice.error = shape_error(cluster, seen);
 #ifdef GLOSSY_RECEIVERS
@@ -101,7 +106,7 @@ fn allowance(seen: ClusterView) -> f32 {
 // if its rectangle is to be seen, 0 if neither.
 fn decide(receiver: Receiver, cluster: Cluster, index: u32, seen: ClusterView, offset: vec3<f32>, diffuse: bool) -> i32 {
     let choice = choose(receiver, cluster, seen, offset);
-    if choice.dark || (diffuse && seen.side < 0.0) {
+    if choice.dark || (diffuse && choice.behind) {
         return -1;
     }
     var most = 0.0;

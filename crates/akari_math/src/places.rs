@@ -35,17 +35,19 @@ pub fn cube_place(index: u32) -> Vec4 {
 /// Unit direction into the triangle of three unit directions, and the solid angle in sr that it stands for, so that their mean
 /// over the unit square is the triangle's. Places are even over the flat triangle in the sphere: seen from its middle, solid
 /// angle over area differs by no more than the triangle's middle is nearer than its corners.
+/// Between opposite corners there is no direction: the zero vector, which stands for nothing.
 #[must_use]
 pub fn triangle_place(a: Vec3, b: Vec3, c: Vec3, place: Vec2) -> (Vec3, f32) {
     let at = a + place.x.sqrt() * ((b - a) + place.y * (c - b));
     let squared = at.dot(at).max(TINY);
-    let solid_angle = 0.5 * a.dot((b - a).cross(c - a)).abs() / (squared * squared.sqrt());
+    let solid_angle =
+        0.5 * a.dot((b - a).cross(c - a)).abs() / (squared * squared.sqrt()).max(TINY);
     (at / squared.sqrt(), solid_angle)
 }
 
 /// Solid angle over π that a [`cosine_place`] of this cosine stands for, times their number, once a linear map of determinant
 /// `jacobian` has made its unit direction `size` long: the inverse of a linearly transformed cosine (Heitz et al. 2016,
-/// "Real-Time Polygonal-Light Shading with Linearly Transformed Cosines", eq. 1). At most 1e30.
+/// "Real-Time Polygonal-Light Shading with Linearly Transformed Cosines", eq. 1). At most 1e30 `jacobian`.
 #[must_use]
 pub fn mapped_spread(jacobian: f32, size: f32, cosine: f32) -> f32 {
     let long = size.max(TINY);

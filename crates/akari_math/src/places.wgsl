@@ -29,7 +29,7 @@ fn triangle_place(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, place: vec2<f32>) ->
     let at = a + sqrt(place.x) * ((b - a) + place.y * (c - b));
     let squared = max(dot(at, at), TINY);
     // Differences, which do not cancel where the triangle is small.
-    let solid_angle = 0.5 * abs(dot(a, cross(b - a, c - a))) / (squared * sqrt(squared));
+    let solid_angle = 0.5 * abs(dot(a, cross(b - a, c - a))) / max(squared * sqrt(squared), TINY);
     return vec4<f32>(at / sqrt(squared), solid_angle);
 }
 

@@ -53,7 +53,7 @@ impl Scope {
     fn of(args: &ReportArgs) -> Self {
         let mut scope = if args.quick {
             Self {
-                size: 80,
+                size: 96,
                 spp: 256,
                 rounds: 3,
                 steps: 3,

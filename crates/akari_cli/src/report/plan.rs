@@ -85,7 +85,7 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
             "corridor",
             "cornell",
         ],
-        (_, true) => &["roughness_map", "cornell"],
+        (_, true) => &["roughness_map"],
         (_, false) => &[
             "roughness_map",
             "cornell",
@@ -133,14 +133,11 @@ pub fn subjects(
             scenes.to_vec()
         };
         for scene in of_effect {
-            // What has just come into view has no history, and is filtered all the same: for a quick look at a whole
-            // scene that is the harder half.
-            let kinds: &[bool] = match effect {
-                "denoise" if quick && scenes.is_empty() && scene.ends_with("cornell.glb") => {
-                    &[true]
-                }
-                "denoise" => &[false, true],
-                _ => &[false],
+            // What has just come into view has no history, and is filtered all the same.
+            let kinds: &[bool] = if effect == "denoise" {
+                &[false, true]
+            } else {
+                &[false]
             };
             subjects.extend(kinds.iter().map(|first_frame| Subject {
                 effect,

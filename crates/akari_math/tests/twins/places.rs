@@ -96,14 +96,25 @@ pub fn cases() -> Vec<Case> {
             oracle: Some(|x, y| {
                 let (a, b, c) = (dvec3(x, 0), dvec3(x, 3), dvec3(x, 6));
                 let at = a.lerp(b.lerp(c, x[10]), x[9].sqrt());
-                y.extend(at.normalize().to_array());
+                y.extend(at.normalize_or_zero().to_array());
                 // Area times the cosine at its plane, over the squared distance.
                 let normal = (b - a).cross(c - a);
-                y.push(0.5 * normal.dot(at).abs() / at.length().powi(3));
+                y.push(0.5 * normal.dot(at).abs() / at.length().powi(3).max(1e-30));
             }),
             domains: vec![
                 domain("wide", triangles(820, 0.2, 1.2), absolute(4e-6), absolute(4e-6)),
                 domain("narrow", triangles(821, 1e-4, 1e-2), absolute(1e-6), absolute(1e-6)),
+                // No direction, and no solid angle.
+                domain(
+                    "between opposite corners",
+                    [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+                        .concat()
+                        .into_iter()
+                        .chain([0.25, 0.0])
+                        .collect(),
+                    absolute(1e-6),
+                    absolute(1e-6),
+                ),
                 domain(
                     "a point and a line",
                     [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.6, 0.8]]
@@ -117,7 +128,7 @@ pub fn cases() -> Vec<Case> {
             ],
             mutations: vec![
                 mutation("sqrt(place.x)", "place.x"),
-                mutation("squared * sqrt(squared)", "squared"),
+                mutation("max(squared * sqrt(squared), TINY)", "max(squared, TINY)"),
                 mutation("place.y * (c - b)", "place.y * (c - a)"),
             ],
         },

@@ -1,7 +1,9 @@
 //! Single pixels of indirect light that stand out from what is around them: bright ones that few cones in thousands leave, and
-//! dark ones where a block stands on a floor.
+//! dark ones where a block stands on a floor, or where reflectors meet.
 
 use bevy_akari::prelude::*;
+use bevy_akari_tests::accuracy::{render_with_cli, scene_path};
+use bevy_akari_tests::headless_or_skip;
 use bevy_akari_tests::room::{Outliers, Room, outliers};
 
 const SIDE: u32 = 128;
@@ -47,4 +49,42 @@ fn few_pixels_of_the_cornell_box_stand_out() {
         .expect("there are more");
     changed[pixel] = changed[pixel].map(|x| 1.4 * x);
     assert_eq!(count(&changed, &matte).bright, on_matte.bright + 1);
+}
+
+/// Pixels to which less than half is added of what is to each of the eight around them.
+fn dark_dots(added: &[f64], side: usize) -> Vec<usize> {
+    let inner = (1..side - 1).flat_map(|y| (1..side - 1).map(move |x| y * side + x));
+    inner
+        .filter(|&i| {
+            let rows = [i - side, i, i + side];
+            let around = rows.into_iter().flat_map(|at| [at - 1, at, at + 1]);
+            let others = around.filter(|&at| at != i).map(|at| added[at]);
+            added[i] < 0.5 * others.fold(f64::INFINITY, f64::min)
+        })
+        .collect()
+}
+
+#[test]
+fn no_pixel_is_dark_where_reflectors_meet() {
+    if headless_or_skip("no_pixel_is_dark").is_none() {
+        return;
+    }
+    // In a picture of this size two pixels lie in the seam between the floor and the wall.
+    const SEAM_SIDE: u32 = 80;
+    let scene = scene_path("corner");
+    let picture = |effects: &str| {
+        let options = ["--effects", effects, "--frames", "1", "--quiet"];
+        render_with_cli(&scene, SEAM_SIDE, &options).0.data
+    };
+    let (with, without) = (
+        picture("area-lights,interreflection"),
+        picture("area-lights"),
+    );
+    let pairs = with.iter().zip(&without);
+    let mut added: Vec<f64> = pairs.map(|(a, b)| f64::from(a[0] - b[0])).collect();
+    let side = SEAM_SIDE as usize;
+    assert_eq!(dark_dots(&added, side), Vec::<usize>::new(), "dark dots");
+    let in_seam = 47 * side + 57;
+    added[in_seam] = 0.0;
+    assert_eq!(dark_dots(&added, side), [in_seam]);
 }

@@ -6,6 +6,7 @@
 use crate::EFFECT;
 use crate::extract::{ExtractedAreaLight, ExtractedAreaLights, ViewAreaLighting};
 use crate::gpu_lights::LayerRegion;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
 use bevy::math::{Vec2, Vec4};
@@ -100,7 +101,7 @@ struct PrefilterParams {
 }
 
 impl PrefilterPipelines {
-    fn new(device: &RenderDevice, cache: &PipelineCache, assets: &AssetServer) -> Self {
+    fn new(device: &RenderDevice, cache: &Pipelines, assets: &AssetServer) -> Self {
         let layout = BindGroupLayoutDescriptor::new(
             "akari_area_light_prefilter_layout",
             &BindGroupLayoutEntries::sequential(
@@ -150,7 +151,7 @@ pub fn prepare_light_images(
     existing: Option<ResMut<LightImages>>,
     pipelines: Option<Res<PrefilterPipelines>>,
     device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     ledger: Res<GpuLedger>,
     mut version: Local<u64>,

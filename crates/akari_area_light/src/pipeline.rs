@@ -4,6 +4,7 @@ use crate::shadows::pipeline::shade_shadow_layout;
 use crate::soft::{SoftKey, soft_group, soft_layout};
 use crate::types::{GpuAreaLight, GpuAreaLightView};
 use akari_render::gpu;
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::mesh::VertexBufferLayout;
 use bevy::pbr::MeshPipelineKey;
@@ -53,7 +54,7 @@ impl AreaLightPipelines {
     pub fn new(
         device: &RenderDevice,
         queue: &RenderQueue,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         assets: &AssetServer,
     ) -> Self {
         let depth = texture_depth_2d();

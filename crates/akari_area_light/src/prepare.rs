@@ -13,6 +13,7 @@ use crate::types::{
 };
 use akari_render::capture::{LIGHT_FORMAT, ViewCapture};
 use akari_render::gpu::LTC_TABLE_BYTES;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::soft_shadows::ViewSoftShadows;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -106,7 +107,6 @@ pub fn release_area_lights(
 ) {
     if views.is_empty() && buffers.is_some() {
         commands.remove_resource::<AreaLightPipelines>();
-        commands.remove_resource::<SpecializedRenderPipelines<AreaLightPipelines>>();
         commands.remove_resource::<AreaLightBuffers>();
         commands.remove_resource::<LightImages>();
         ledger.free(EFFECT);
@@ -120,7 +120,7 @@ pub fn prepare_area_light_pipelines(
     existing: Option<Res<AreaLightPipelines>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     ledger: Res<GpuLedger>,
 ) {
@@ -442,7 +442,7 @@ pub fn replace_deferred_lighting(
     bevy_layout: Option<Res<DeferredLightingLayout>>,
     buffers: Option<ResMut<AreaLightBuffers>>,
     pipelines: Option<Res<AreaLightPipelines>>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
 ) {
     let (Some(bevy_layout), Some(mut buffers), Some(pipelines)) = (bevy_layout, buffers, pipelines)
     else {

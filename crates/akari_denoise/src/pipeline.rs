@@ -1,6 +1,7 @@
 //! Shaders and pipelines, queued when a view first needs them. Nothing here exists before.
 
 use akari_render::gpu;
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::platform::collections::HashMap;
@@ -113,7 +114,7 @@ impl DenoisePipelines {
     /// The compute pipeline of a key, queued at the first call.
     pub fn compute(
         &mut self,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         key: PipelineKey,
         layout: Vec<BindGroupLayoutDescriptor>,
     ) -> CachedComputePipelineId {
@@ -132,7 +133,7 @@ impl DenoisePipelines {
     /// The render pipeline of a key, queued at the first call.
     pub fn render(
         &mut self,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         key: PipelineKey,
         layout: Vec<BindGroupLayoutDescriptor>,
     ) -> CachedRenderPipelineId {

@@ -9,6 +9,7 @@ use crate::settings::{Denoise, Method};
 use crate::targets::{DenoiseTargets, ListBuffers, REMEMBERED_FORMAT, WORD_FORMAT};
 use akari_render::capture::{LIGHT_FORMAT, Light, ViewCapture};
 use akari_render::guides::ViewGuides;
+use akari_render::pipelines::Pipelines;
 use akari_render::signals::ViewSignals;
 use akari_render::tiles::TileKind;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -88,7 +89,7 @@ pub fn prepare_denoise_passes(
     )>,
     pipelines: Option<ResMut<DenoisePipelines>>,
     images: Res<RenderAssets<GpuImage>>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     device: Res<RenderDevice>,
 ) {
     let Some(mut pipelines) = pipelines else {
@@ -176,7 +177,7 @@ struct Planner<'a> {
     motion: Option<&'a TextureView>,
     picture: TextureFormat,
     pipelines: &'a mut DenoisePipelines,
-    cache: &'a PipelineCache,
+    cache: &'a Pipelines<'a>,
     device: &'a RenderDevice,
 }
 

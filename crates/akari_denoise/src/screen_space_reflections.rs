@@ -4,6 +4,7 @@
 
 use crate::EFFECT;
 use crate::bindings::Bindings;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::signals::{
     AkariPassSystems, MakesSignals, SAMPLE_DEVIATION, ViewSignals, stop_signals,
@@ -131,7 +132,7 @@ fn prepare_splits(
         Option<&SplitTextures>,
     )>,
     device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     fullscreen: Res<FullscreenShader>,
     ledger: Res<GpuLedger>,
@@ -210,7 +211,7 @@ fn split_layout() -> BindGroupLayoutDescriptor {
 
 fn queue_pipeline(
     format: TextureFormat,
-    cache: &PipelineCache,
+    cache: &Pipelines,
     assets: &AssetServer,
     fullscreen: &FullscreenShader,
 ) -> CachedRenderPipelineId {

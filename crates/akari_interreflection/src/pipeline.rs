@@ -6,6 +6,7 @@ use crate::types::{
     GpuReflectorMaterial, GpuTriangle,
 };
 use akari_render::gpu;
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::prelude::*;
@@ -55,7 +56,7 @@ impl InterreflectionPipelines {
     pub fn new(
         device: &RenderDevice,
         queue: &RenderQueue,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         assets: &AssetServer,
         fullscreen: &FullscreenShader,
     ) -> Self {

@@ -16,6 +16,7 @@ use crate::types::{
 };
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu::LTC_TABLE_BYTES;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::sky::{SkyMap, last_level};
 use bevy::core_pipeline::FullscreenShader;
@@ -261,8 +262,6 @@ pub fn release(
 ) {
     if views.is_empty() && pipelines.is_some() {
         commands.remove_resource::<InterreflectionPipelines>();
-        commands.remove_resource::<SpecializedRenderPipelines<InterreflectionPipelines>>();
-        commands.remove_resource::<SpecializedComputePipelines<InterreflectionPipelines>>();
         ledger.free(EFFECT);
     }
 }
@@ -274,7 +273,7 @@ pub fn prepare_pipelines(
     existing: Option<Res<InterreflectionPipelines>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     fullscreen: Res<FullscreenShader>,
     ledger: Res<GpuLedger>,

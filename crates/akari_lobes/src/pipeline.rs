@@ -1,5 +1,6 @@
 //! Layouts, shaders and pipelines. Nothing here exists before a view needs it.
 
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::deferred::DEFERRED_PREPASS_FORMAT;
@@ -157,7 +158,7 @@ impl LobePipelines {
     }
 
     /// The pipeline that stores lobes; `key` is that of what it reads, so without stored lobes.
-    pub fn build(&mut self, cache: &PipelineCache, key: GuideKey) -> CachedComputePipelineId {
+    pub fn build(&mut self, cache: &Pipelines, key: GuideKey) -> CachedComputePipelineId {
         *self.build.entry(key).or_insert_with(|| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some(BUILD_LABEL.into()),
@@ -170,7 +171,7 @@ impl LobePipelines {
     }
 
     /// The pipeline that sorts tiles; `key` is that of what it reads, so without stored lobes and tiles.
-    pub fn classify(&mut self, cache: &PipelineCache, key: GuideKey) -> CachedComputePipelineId {
+    pub fn classify(&mut self, cache: &Pipelines, key: GuideKey) -> CachedComputePipelineId {
         *self.classify.entry(key.external).or_insert_with(|| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some(CLASSIFY_LABEL.into()),
@@ -185,7 +186,7 @@ impl LobePipelines {
     /// The pipelines of geometric antialiasing: filter, store.
     pub fn roughness(
         &mut self,
-        cache: &PipelineCache,
+        cache: &Pipelines,
     ) -> (CachedComputePipelineId, CachedRenderPipelineId) {
         *self.roughness.get_or_insert_with(|| {
             let filter = cache.queue_compute_pipeline(ComputePipelineDescriptor {

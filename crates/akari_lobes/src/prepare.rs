@@ -6,6 +6,7 @@ use crate::pipeline::{GuideKey, LOBE_FORMAT, LobePipelines, WORD_FORMAT};
 use crate::settings::MAX_ADDED_ROUGHNESS;
 use akari_render::guides::{ExternalGuides, ViewGuides};
 use akari_render::ledger::{CollectCounters, read_back_words};
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::tiles::{TileKind, ViewTiles, empty_arguments, tile_grid};
 use bevy::core_pipeline::FullscreenShader;
@@ -242,7 +243,7 @@ pub fn prepare_lobe_bind_groups(
     pipelines: Option<ResMut<LobePipelines>>,
     images: Res<RenderAssets<GpuImage>>,
     view_uniforms: Res<ViewUniforms>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     device: Res<RenderDevice>,
 ) {
     let (Some(mut pipelines), Some(view_uniform)) = (pipelines, view_uniforms.uniforms.binding())

@@ -6,6 +6,7 @@
 //! Each frame with the component costs one compute pass and a copy to the CPU: it is for offline use.
 
 use crate::ledger::GpuLedger;
+use crate::pipelines::Pipelines;
 use crate::signals::AkariPassSystems;
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -212,7 +213,7 @@ fn prepare_captures(
     mut commands: Commands,
     views: Query<(Entity, &ExtractedView, &mut ViewCapture)>,
     pipeline: Option<Res<CapturePipeline>>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     device: Res<RenderDevice>,
     ledger: Res<GpuLedger>,
@@ -246,7 +247,7 @@ fn prepare_captures(
 }
 
 impl CapturePipeline {
-    fn new(cache: &PipelineCache, assets: &AssetServer) -> Self {
+    fn new(cache: &Pipelines, assets: &AssetServer) -> Self {
         let layout = BindGroupLayoutDescriptor::new(
             "akari_capture_layout",
             &BindGroupLayoutEntries::sequential(

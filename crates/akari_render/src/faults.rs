@@ -12,6 +12,7 @@
 //! to count in them.
 
 use crate::ledger::{GpuLedger, read_back_words};
+use crate::pipelines::Pipelines;
 use crate::signals::{AkariPassSystems, ViewSignals};
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
@@ -143,7 +144,7 @@ fn prepare_counters(
     counters: Option<Res<FaultCounters>>,
     mut commands: Commands,
     assets: Res<AssetServer>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     ledger: Res<GpuLedger>,

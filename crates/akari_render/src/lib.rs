@@ -12,6 +12,7 @@
 //! | [`faults`] | counts of pixels that are no numbers, by pass: for debugging |
 //! | [`gpu`] | what passes of several effects make in the same way |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
+//! | [`pipelines`] | [`Pipelines`](pipelines::Pipelines): pipelines that are queued once, however often an effect comes and goes |
 //! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
 //! | [`soft_shadows`] | shadows of area lights that are found in each frame, for the effect that draws the lights |
 //! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
@@ -32,6 +33,7 @@ pub mod faults;
 pub mod gpu;
 pub mod guides;
 pub mod ledger;
+pub mod pipelines;
 pub mod quality;
 pub mod shaders;
 pub mod signals;
@@ -93,6 +95,7 @@ impl Plugin for AkariRenderPlugin {
             render_app
                 .insert_resource(ledger)
                 .init_resource::<ledger::CollectCounters>()
+                .init_resource::<pipelines::QueuedPipelines>()
                 .init_resource::<area_lights::AreaLightPolygons>()
                 .add_systems(ExtractSchedule, ledger::extract_collect_counters);
             demand::build(render_app);

@@ -9,6 +9,7 @@ use crate::settings::VoxelGi;
 use crate::sky::{Sky, SkyBindings, VoxelInteriors, has_map};
 use akari_render::gpu;
 use akari_render::guides::ViewGuides;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::signals::ViewSignals;
 use akari_render::tiles::TileKind;
@@ -289,7 +290,7 @@ pub fn prepare_cones(
     interiors: Res<VoxelInteriors>,
     images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<ConePipelines>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

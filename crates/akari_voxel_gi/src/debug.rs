@@ -6,6 +6,7 @@ use crate::lighting::{REACH, Traced, VOXEL_GROUP, trace_definitions, voxel_group
 use crate::sky::{Sky, SkyBindings, VoxelInteriors};
 use akari_render::gpu;
 use akari_render::guides::ViewGuides;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::FullscreenShader;
@@ -206,7 +207,7 @@ pub fn prepare_debug_views(
     images: Res<RenderAssets<GpuImage>>,
     mut pipelines: ResMut<DebugPipelines>,
     fullscreen: Res<FullscreenShader>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -12,6 +12,7 @@ use crate::types::{GpuVoxelClipmap, MOST_VISITS, POOL_LIT, VISITS_AFTER_CHANGE};
 use akari_math::voxel::schedule::WHOLE_TURN;
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use bevy::asset::load_embedded_asset;
 use bevy::math::Affine3A;
@@ -290,7 +291,7 @@ impl VoxelLighting {
         key: StoreKey,
         plain_cones: bool,
         sky_map: bool,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         assets: &AssetServer,
     ) -> Self {
         let queue =
@@ -365,7 +366,7 @@ pub fn prepare_lighting(
     polygons: Res<AreaLightPolygons>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     readback: Res<CounterReadback>,
     ledger: Res<GpuLedger>,

@@ -1,6 +1,7 @@
 //! Layouts and pipelines of voxelization. Nothing here exists before it is needed.
 
 use crate::types::{GpuVoxelClipmap, GpuVoxelJob};
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, load_embedded_asset};
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
@@ -73,7 +74,7 @@ pub struct ReadyPipelines<'a> {
 
 impl VoxelizePipelines {
     /// Queues the pipelines.
-    pub fn new(cache: &PipelineCache, assets: &AssetServer, key: StoreKey) -> Self {
+    pub fn new(cache: &Pipelines, assets: &AssetServer, key: StoreKey) -> Self {
         let read = storage_buffer_read_only_sized(false, None);
         let write = storage_buffer_sized(false, None);
         let mut entries = vec![

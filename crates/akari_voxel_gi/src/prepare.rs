@@ -8,6 +8,7 @@ use crate::pipeline::{StoreKey, VoxelizePipelines};
 use crate::scene::VoxelScene;
 use crate::types::{GpuDirtyBrick, GpuVoxelJob, RELEASE_PENDING};
 use crate::upload::VoxelGeometry;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use bevy::prelude::*;
 use bevy::render::render_resource::*;
@@ -85,7 +86,7 @@ pub fn prepare_voxel_buffers(
     geometry: Option<Res<VoxelGeometry>>,
     pipelines: Option<Res<VoxelizePipelines>>,
     device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     ledger: Res<GpuLedger>,
 ) {

@@ -28,6 +28,7 @@ use crate::settings::VoxelGi;
 use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu;
 use akari_render::guides::ViewGuides;
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use akari_render::soft_shadows::{SOFT_SHADOW_CAMERAS, ViewSoftShadows};
 use akari_render::tiles::TileKind;
@@ -253,7 +254,7 @@ pub fn prepare_soft_shadows(
     buffers: Option<Res<VoxelBuffers>>,
     polygons: Res<AreaLightPolygons>,
     mut pipelines: ResMut<SoftPipelines>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -104,6 +104,13 @@ const TABLE: &[(&[Cause], &[&str])] = &[
     (&[], &[]),
 ];
 
+/// Rows of the table that have each effect once or twice more.
+const AGAIN: [&[Cause]; 3] = [
+    &[Reflectors, AreaLight],
+    &[AreaLight, Bake, NoisySignal],
+    &[AreaLight, Bake, Voxels],
+];
+
 /// Brings the causes into the scene; what it gives back takes them out.
 fn cause(stage: &mut Stage, cause: Cause) -> Box<dyn FnOnce(&mut Stage)> {
     let despawn = |entity: Entity| -> Box<dyn FnOnce(&mut Stage)> {
@@ -311,5 +318,23 @@ fn every_effect_is_there_for_its_causes_only() {
         stage.headless.step_until_ready().expect("it renders");
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+
+    // What was there once is not compiled anew when it comes back.
+    let count = |stage: &Stage| {
+        let labels = stage.headless.pipeline_labels();
+        labels.iter().filter_map(|label| effect_of(label)).count()
+    };
+    let compiled = count(&stage);
+    for causes in AGAIN {
+        let undo: Vec<_> = causes.iter().map(|c| cause(&mut stage, *c)).collect();
+        stage.headless.step_until_ready().expect("it renders");
+        let ran = passes(&mut stage);
+        assert!(!ran.is_empty(), "{causes:?}");
+        for undo in undo {
+            undo(&mut stage);
+        }
+        stage.headless.step_until_ready().expect("it renders");
+        assert_eq!(count(&stage), compiled, "{causes:?}: pipelines made anew");
+    }
     assert_eq!(seen.len(), EFFECTS.len(), "effects without a row: {seen:?}");
 }

@@ -11,6 +11,7 @@ use crate::types::GpuAreaLight;
 use akari_render::demand::EffectSystems;
 use akari_render::gpu;
 use akari_render::ledger::GpuLedger;
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -170,7 +171,7 @@ impl ShadowDebugPipelines {
 
     fn pipeline(
         &mut self,
-        cache: &PipelineCache,
+        cache: &Pipelines,
         format: TextureFormat,
         view: AreaShadowDebugView,
         moving_casters: bool,
@@ -228,7 +229,7 @@ fn prepare_debug_views(
     view_uniforms: Res<ViewUniforms>,
     fullscreen: Res<FullscreenShader>,
     assets: Res<AssetServer>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     device: Res<RenderDevice>,
 ) {
     if wanted.is_empty() {

@@ -3,6 +3,7 @@
 use super::moving::GpuMovingCasters;
 use super::types::{GpuReceiver, GpuShadowParams, GpuSlot};
 use crate::types::GpuAreaLight;
+use akari_render::pipelines::Pipelines;
 use bevy::asset::{AssetServer, load_embedded_asset};
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
@@ -61,7 +62,7 @@ pub struct ShadowPipelines {
 
 impl ShadowPipelines {
     /// Creates them and queues the pipelines.
-    pub fn new(cache: &PipelineCache, assets: &AssetServer) -> Self {
+    pub fn new(cache: &Pipelines, assets: &AssetServer) -> Self {
         let read = storage_buffer_read_only_sized(false, None);
         let receivers_layout = BindGroupLayoutDescriptor::new(
             "akari_area_light_receivers_layout",

@@ -8,6 +8,7 @@ use super::tables::ShadowTables;
 use super::types::GpuShadowParams;
 use crate::prepare::{AreaLightBuffers, LightBuffers, ViewAreaLights};
 use crate::types::{FLAG_TWO_SIDED, GpuAreaLight};
+use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::math::Vec4;
@@ -119,7 +120,7 @@ pub fn prepare_shadow_pipelines(
     mut commands: Commands,
     views: Query<(), With<ViewAreaShadows>>,
     existing: Option<Res<ShadowPipelines>>,
-    cache: Res<PipelineCache>,
+    cache: Pipelines,
     assets: Res<AssetServer>,
 ) {
     if !views.is_empty() && existing.is_none() {

@@ -3,6 +3,7 @@
 pub mod baking;
 pub mod controls;
 pub mod demo;
+pub mod fence;
 pub mod gi;
 pub mod orbit;
 pub mod reflecting;

@@ -71,6 +71,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
 pub mod blockers;
+mod buffers;
 pub mod casters;
 pub mod clusters;
 pub mod demand;
@@ -139,7 +140,7 @@ impl Plugin for InterreflectionPlugin {
         render_app
             .init_resource::<scene::ReflectorScene>()
             .init_resource::<scene::BlockerScene>()
-            .init_resource::<prepare::SharedBlockers>()
+            .init_resource::<buffers::SharedBlockers>()
             .init_resource::<receivers::ReceiverKinds>()
             .init_resource::<lights::ReflectedLights>()
             .add_systems(
@@ -159,7 +160,7 @@ impl Plugin for InterreflectionPlugin {
                     (prepare::release, prepare::prepare_pipelines)
                         .chain()
                         .in_set(RenderSystems::Prepare),
-                    (prepare::prepare_blockers, prepare::prepare_reflectors)
+                    (buffers::prepare_blockers, prepare::prepare_reflectors)
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
                     prepare::prepare_bind_groups.in_set(RenderSystems::PrepareBindGroups),

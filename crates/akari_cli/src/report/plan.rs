@@ -171,6 +171,7 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
             "light_rays",
             "aperture",
             "voxel_size",
+            "cascades",
             // All is matte in its scene.
             "specular_cones",
             // Indirect light has none.
@@ -180,12 +181,17 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
         ],
         ("voxel_gi", false) => &["pages", "bricks_per_frame", "shadow_cones"],
         // One of the scenes has what hides something; `most_patches` is only a limit.
-        ("interreflection", true) if scene == "corner_screen" => &["most_patches", "tier", "cut"],
+        ("interreflection", true) if scene == "corner_screen" => {
+            &["most_patches", "tier", "patch", "cut"]
+        }
         // All is matte in its scene: nothing has a lobe.
         ("interreflection", true) if scene == "corner" => &["most_patches", "shadow_rays", "tier"],
-        ("interreflection", true) => &["most_patches", "shadow_rays"],
+        // Each tier has pipelines of its own, which take a software driver 20 s to compile: those of the presets do.
+        ("interreflection", true) => &["most_patches", "shadow_rays", "patch", "tier"],
         // The denoiser is given every pixel: nothing is upsampled.
-        ("denoise", true) if scene.ends_with(FIRST_FRAME) => &["resample_below", "history"],
+        ("denoise", true) if scene.ends_with(FIRST_FRAME) => {
+            &["resample_below", "history", "levels"]
+        }
         ("denoise", _) => &["resample_below"],
         // It shows in what reads lobes, which the curve of the denoiser is about.
         ("lobes", _) => &["wang"],
@@ -196,19 +202,18 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
 /// Values of a knob that has few, not evenly apart, or whose steps are dear.
 fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
     match (effect, knob, quick) {
-        ("area_lights", "contribution_cutoff", true) => Some(&[0.125, 0.5, 1.0]),
+        ("area_lights", "contribution_cutoff", true) => Some(&[0.25, 1.0]),
         ("area_lights", "contribution_cutoff", false) => {
             Some(&[0.00390625, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0])
         }
-        ("voxel_gi", "cones", true) => Some(&[1.0, 16.0]),
+        ("voxel_gi", "cones", true) => Some(&[16.0]),
         ("voxel_gi", "cones" | "gather_cones", _) => Some(&[1.0, 5.0, 9.0, 16.0]),
         ("voxel_gi", "scale", true) => Some(&[1.0, 4.0]),
         ("voxel_gi", "scale", _) => Some(&[1.0, 2.0, 4.0]),
         ("voxel_gi", "resolution", true) => Some(&[64.0, 128.0]),
         ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
-        ("voxel_gi", "cascades", true) => Some(&[2.0, 3.0]),
-        // Each has pipelines of its own, which take a software driver 20 s to compile.
-        ("interreflection", "tier", true) => Some(&[4.0]),
+        ("denoise", "levels", true) => Some(&[4.0, 6.0]),
+        ("interreflection", "cut", true) => Some(&[0.08, 0.3, 0.6, 1.0]),
         ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0, 7.0]),
         ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
@@ -377,10 +382,10 @@ mod tests {
             knobs
         };
         let (few, all) = (turned(true), turned(false));
-        for knob in ["cones", "resolution", "cascades", "scale"] {
+        for knob in ["cones", "resolution", "scale"] {
             assert!(few.contains(knob), "{knob}");
         }
-        assert!(all.contains("specular_cones"));
+        assert!(all.contains("cascades") && all.contains("specular_cones"));
         assert!(all.is_superset(&few) && all.len() > few.len());
         assert!(!all.contains("pages"));
     }

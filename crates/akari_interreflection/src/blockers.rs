@@ -43,10 +43,46 @@ impl BlockerMesh {
         Some((root.low, root.high))
     }
 
+    /// Goes through its boxes from the largest on, as `at_box` says of each, and through the triangles of the leaves that are
+    /// entered. Returns false where `at_box` ended it, or where `at_triangle` is false.
+    pub fn visit(
+        &self,
+        mut at_box: impl FnMut(Vec3, Vec3) -> Visit,
+        mut at_triangle: impl FnMut([Vec3; 3]) -> bool,
+    ) -> bool {
+        let mut index = 0;
+        while let Some(node) = self.tree.nodes.get(index) {
+            match at_box(node.low, node.high) {
+                Visit::End => return false,
+                Visit::Pass => index = node.skip as usize,
+                Visit::Enter => {
+                    let leaf = node.first as usize..(node.first + node.count) as usize;
+                    let mut triangles = self.tree.order[leaf].iter();
+                    if !triangles.all(|i| at_triangle(self.corners[*i as usize])) {
+                        return false;
+                    }
+                    index += 1;
+                }
+            }
+        }
+        true
+    }
+
     /// How many triangles it has.
     pub fn triangles(&self) -> usize {
         self.corners.len()
     }
+}
+
+/// How a walk through boxes goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Visit {
+    /// With what is in it.
+    Enter,
+    /// With what comes after it.
+    Pass,
+    /// Not at all.
+    End,
 }
 
 /// All of them.

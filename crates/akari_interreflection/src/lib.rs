@@ -31,8 +31,9 @@
 //! [`cut`](settings::Interreflection::cut): where solid angles differ, radiance differs from a plane over the rectangle, or
 //! normals turn the highlight (`akari_math::cluster`). Rectangles of mirrors bend: their normals change linearly from side to
 //! side, and mirrors are clustered along what does not turn. A bent rectangle or triangle lights what is matte as a flat mirror
-//! turned as its middle, with the mean radiance of two normals beside that. The bound is relative to the cluster's own light under the pixel's
-//! largest weight in it; what is little against white may be wrong by more. What the integral of one lobe over a rectangle
+//! turned as its middle: one that bulges is unbent first ([`akari_math::reflector::unbent_point`]), so that it and those
+//! beside it show a light once; one that is hollow has the mean radiance of two normals beside that of its middle. The bound is
+//! relative to the cluster's own light under the pixel's largest weight in it; what is little against white may be wrong by more. What the integral of one lobe over a rectangle
 //! loses against that of many over its triangles is not part of it. After Xu et al. 2014, with one bounded test for each
 //! cluster, as in Lightcuts (Walter et al. 2005).
 //!
@@ -58,8 +59,7 @@
 //!
 //! **Limits**: reflectors have the factors of their materials, not their textures; clear coats neither reflect nor
 //! receive. Lights with images are left out, and so is Bevy's ambient light. Bevy's own light of the map knows no occlusion,
-//! and also shines where a reflector covers it. Bent mirrors blur it too little for how they spread it; what bulging ones send
-//! of lamps at grazing angles shows a faint ray for each facet.
+//! and also shines where a reflector covers it. Bent mirrors blur it too little for how they spread it.
 
 use akari_render::demand::{EffectSystems, skip_while_idle};
 use akari_render::ensure_render_plugin;

@@ -6,6 +6,9 @@
 #import akari_math::ggx::{fresnel_schlick, ggx_ndf, smith_visibility}
 #import akari_math::ltc::lookup::ltc_specular_integral
 #import akari_math::ltc::polygon::{ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new}
+#ifdef BENDS
+#import akari_math::reflector::unbent_point
+#endif
 #import akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness}
 #import akari_math::sg::elliptic::{
     EllipticLobe, elliptic_direction, elliptic_lobe, elliptic_normal, elliptic_stretch, elliptic_value, elliptic_versine,
@@ -253,9 +256,50 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
 }
 #endif
 
+// A mirror as a lobe sees it: flat, in the place of one whose normals turn.
+struct Shown {
+    seen: Seen,
+    // Its solid angle over that of the mirror: how far what it sends is spread.
+    spread: f32,
+    // Whether each of its points stands for that of the mirror with the same weights.
+    unbent: bool,
+}
+
+#ifdef BENDS
+// The normal at a corner, by its place.
+fn corner_normal(seen: Seen, place: u32) -> vec3<f32> {
+    if seen.rectangle {
+        return normal_of(seen, vec3(select(-1.0, 1.0, place == 1u || place == 2u), select(-1.0, 1.0, place >= 2u), 0.0));
+    }
+    return normal_of(seen, vec3(f32(place == 0u), f32(place == 1u), f32(place == 2u)));
+}
+#endif
+
+// A mirror that bulges, unbent: so it meets those beside it where they have one normal, and what they send adds up without a
+// gap. What is hollow, or flat, is itself.
+fn shown_of(seen: Seen, plane: Plane) -> Shown {
+    var shown = Shown(seen, 1.0, false);
+#ifdef BENDS
+    if plane.bent {
+        var flat = seen;
+        flat.a = unbent_point(seen.a, corner_normal(seen, 0u), plane.normal);
+        flat.b = unbent_point(seen.b, corner_normal(seen, 1u), plane.normal);
+        flat.c = unbent_point(seen.c, corner_normal(seen, 2u), plane.normal);
+        flat.d = unbent_point(seen.d, corner_normal(seen, 3u), plane.normal);
+        // Its corners are as far away, so that their volumes with the pixel are as the solid angles.
+        let before = dot(seen.a, cross(seen.b, seen.c));
+        let after = dot(flat.a, cross(flat.b, flat.c));
+        if after * before > before * before {
+            shown = Shown(flat, after / before, true);
+        }
+    }
+#endif
+    return shown;
+}
+
 // The light that a mirror sends to the diffuse part of the pixel: a lobe of the radiance at its point nearest to the axis. `blur`
-// is the lobe's sharpness over that of the image of a point. Where normals turn, the radiance is the mean of what two normals
-// beside that of the middle show.
+// is the lobe's sharpness over that of the image of a point. Where normals turn, what bulges is unbent; of what is hollow, the
+// radiance is the mean of what two normals beside that of the middle show.
 //
 // Times what a mirror sends over its lobe, against what it sends at one point: the mean at the nodes of the rule over the
 // value there, where the mirror is as large as the lobe; 1 where it is small, and where the lobe is not that of GGX but the image
@@ -263,17 +307,21 @@ fn through_both(receiver: Receiver, seen: Seen, material: ReflectorMaterial, lig
 //
 // All looks at the mirror are in one loop, since compilers copy what looks to each place.
 fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light: Light, plane: Plane, axis: vec3<f32>, sharpness: f32, blur: f32) -> vec3<f32> {
-    let point = point_of(seen, look(seen, axis));
-    let direction = safe_normalize(point, axis);
+    let shown = shown_of(seen, plane);
+    let nearest = look(shown.seen, axis);
+    let point = point_of(seen, nearest);
+    let shown_at = point_of(shown.seen, nearest);
+    let direction = safe_normalize(shown_at, axis);
     let from_axis = direction - axis;
     let away = 0.5 * dot(from_axis, from_axis);
     let local = tail_sharpness(sharpness, away);
-    let cosine = max(dot(receiver.normal_ws, direction), 0.0);
-    let widths = max(length(seen.c - seen.a), length(seen.b - seen.a)) * sqrt(local) / max(length(point), TINY);
+    let cosine = max(dot(receiver.normal_ws, safe_normalize(point, axis)), 0.0);
+    let longest = max(length(shown.seen.c - shown.seen.a), length(shown.seen.b - shown.seen.a));
+    let widths = longest * sqrt(local) / max(length(shown_at), TINY);
     var share = smoothstep(LEAST_WIDTHS, 2.0 * LEAST_WIDTHS, widths) * smoothstep(LEAST_BLUR, MOST_BLUR, blur);
     var looks = 1u;
 #ifdef BENDS
-    looks = select(1u, 2u, plane.bent);
+    looks = select(1u, 2u, plane.bent && !shown.unbent);
 #endif
     let basis = orthonormal_basis(axis);
     let lobe = EllipticLobe(axis, sharpness, basis[0], 1.0, basis[1]);
@@ -282,14 +330,17 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
     var weights_sum = 0.0;
     var sum = vec3(0.0);
     for (var i = 0u; i < end; i++) {
-        var at = point;
-        var normal = plane.normal;
+        var weights = nearest;
         let node = i - min(i, looks);
         if i >= looks {
-            at = point_of(seen, look(seen, elliptic_direction(lobe, ring_place(node))));
+            weights = look(shown.seen, elliptic_direction(lobe, ring_place(node)));
         }
+        let at = point_of(seen, weights);
+        var normal = plane.normal;
 #ifdef BENDS
-        if plane.bent && i < looks {
+        if shown.unbent {
+            normal = normal_of(seen, weights);
+        } else if plane.bent && i < looks {
             normal = safe_normalize(normal + select(-NODE_OF_TURN, NODE_OF_TURN, i == 1u) * plane.half_turn, normal);
         }
 #endif
@@ -297,21 +348,20 @@ fn to_diffuse(receiver: Receiver, seen: Seen, material: ReflectorMaterial, light
         if i < looks {
             radiance += value / f32(looks);
         } else {
-            let to_node = safe_normalize(at, axis);
-            let node_cosine = dot(receiver.normal_ws, to_node);
+            let node_cosine = dot(receiver.normal_ws, safe_normalize(at, axis));
             if node_cosine > 0.0 {
+                let to_node = safe_normalize(point_of(shown.seen, weights), axis);
                 weights_sum += ring_weight(node);
                 sum += ring_weight(node) * value * node_cosine / elliptic_value(lobe, local, to_node);
             }
         }
     }
+    var peak = radiance * (cosine / elliptic_value(lobe, local, direction));
     if weights_sum > 0.0 {
-        let one = radiance * cosine / elliptic_value(lobe, local, direction);
-        let ratio = sum / max(one * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
-        radiance *= select(vec3(1.0), mix(vec3(1.0), ratio, share), one > vec3(MIN_RADIANCE));
+        let ratio = sum / max(peak * weights_sum, vec3(MIN_RADIANCE * MIN_RADIANCE));
+        peak *= select(vec3(1.0), mix(vec3(1.0), ratio, share), peak > vec3(MIN_RADIANCE));
     }
-    let peak = radiance * (cosine * exp(local * away));
-    return INV_PI * peak * lobe_over(receiver.frame, seen, axis * receiver.frame, local);
+    return INV_PI * peak * lobe_over(receiver.frame, shown.seen, axis * receiver.frame, local) / shown.spread;
 }
 
 // From a light by way of a glossy triangle and the pixel to the camera.

@@ -9,7 +9,7 @@ use crate::geometry::{
 use crate::lights::{PunctualLight, nearest_distance};
 use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
-use crate::shadow_boxes::{LightBox, ShadowBox};
+use crate::shadow_boxes::{Fineness, LightBox, SMALLEST_PART, ShadowBox};
 use crate::types::{GpuReflectorMaterial, GpuTriangle};
 use akari_render::area_lights::AreaLightPolygon;
 use akari_render::camera::GathersBounces;
@@ -54,10 +54,7 @@ pub fn extract_blockers(mut scene: ResMut<BlockerScene>, casters: Extract<Res<Ca
         scene.version = casters.version;
         let (entities, bodies): (Vec<_>, Vec<_>) = casters.blockers().unzip();
         scene.shadows = (entities.iter().zip(&bodies))
-            .filter_map(|(owner, body): (&Entity, &Arc<BlockerMesh>)| {
-                let (low, high) = body.bounds()?;
-                Some(ShadowBox::new(*owner, low, high))
-            })
+            .filter_map(|(owner, body)| ShadowBox::new(*owner, body.clone()))
             .collect();
         scene.bodies = bodies;
     }
@@ -249,8 +246,11 @@ pub struct Triangles {
 /// Halvings of a triangle at most: a thousandth of its longest edge.
 const MOST_HALVINGS: u32 = 20;
 
-/// Cuts the diffuse triangles into patches, finer where shadows may fall. If there are more than the settings allow, all become
-/// larger alike. Where only what is mirrored counts, there are none.
+/// Tries at patches that are no more than the settings allow.
+const MOST_TRIES: u32 = 11;
+
+/// Cuts the diffuse triangles into patches, finer where shadows may fall and finest where bodies stand on them. If there are
+/// more than the settings allow, those become larger first, then all alike. Where only what is mirrored counts, there are none.
 pub fn cut(
     scene: &ReflectorScene,
     shadows: &[ShadowBox],
@@ -283,10 +283,13 @@ pub fn cut(
         // What hides a part of it does so from wherever it is.
         boxes.push(LightBox::AROUND);
     }
-    let mut share = settings.patch.max(1e-3);
+    let mut fineness = Fineness {
+        share: settings.patch.max(1e-3),
+        smallest_part: SMALLEST_PART,
+    };
     let mut patches = Vec::new();
-    // Each try makes a quarter as many; a scene of more triangles than patches is left as it is.
-    for _ in 0..8 {
+    // Fewer with each try, first where shadows meet what throws them; a scene of more triangles than patches is left as it is.
+    for _ in 0..MOST_TRIES {
         patches.clear();
         for (index, triangle) in scene.triangles.iter().enumerate() {
             if !is_diffuse(&scene.materials[triangle.material as usize]) {
@@ -295,19 +298,23 @@ pub fn cut(
             let shadows = ShadowBox::over(shadows, triangle, scene.owners.get(index), &boxes);
             let fine = |triangle: &GpuTriangle, longest: f32| {
                 let middle = (triangle.a + triangle.b + triangle.c) / 3.0;
-                longest <= share * nearest_distance(lights, polygons, middle)
+                longest <= fineness.share * nearest_distance(lights, polygons, middle)
                     && (shadows.iter())
-                        .all(|shadow| shadow.is_fine(triangle, longest, share, &boxes))
+                        .all(|shadow| shadow.is_fine(triangle, longest, fineness, &boxes))
             };
             split(*triangle, MOST_HALVINGS, &fine, &mut patches);
-            if patches.len() > 4 * settings.most_patches as usize {
+            if patches.len() > settings.most_patches as usize {
                 break;
             }
         }
         if patches.len() <= settings.most_patches as usize {
             break;
         }
-        share *= 2.0;
+        if fineness.smallest_part < 1.0 {
+            fineness.smallest_part *= 2.0;
+        } else {
+            fineness.share *= 2.0;
+        }
     }
     if patches.len() > settings.most_patches as usize {
         patches = of(is_diffuse).copied().collect();
@@ -365,11 +372,10 @@ mod tests {
         assert!(mean(&near) < 0.5 * mean(&far));
         assert_eq!(fine.triangles.len() as u32, fine.patches + 1, "one glossy");
         // Under a small body that is between it and the light.
-        let body = ShadowBox::new(
-            Entity::PLACEHOLDER,
-            Vec3::new(1.0, 1.0, 0.1),
-            Vec3::new(1.2, 1.2, 0.3),
-        );
+        let (low, high) = (Vec3::new(1.0, 1.0, 0.1), Vec3::new(1.2, 1.2, 0.3));
+        let across = [[low, high, Vec3::new(high.x, low.y, low.z)]];
+        let parts = Arc::new(BlockerMesh::new(across.to_vec()));
+        let body = ShadowBox::new(Entity::PLACEHOLDER, parts).expect("it has a triangle");
         let view = |shadow_rays| ViewInterreflection {
             settings: Interreflection {
                 shadow_rays,
@@ -379,7 +385,16 @@ mod tests {
             sky: None,
             sky_changes: false,
         };
-        let shaded = |rays| cut(&scene, &[body], &[light], &[], &view(rays)).patches;
+        let shaded = |rays| {
+            cut(
+                &scene,
+                std::slice::from_ref(&body),
+                &[light],
+                &[],
+                &view(rays),
+            )
+            .patches
+        };
         assert!(
             shaded(1) > fine.patches + 20,
             "{} {}",

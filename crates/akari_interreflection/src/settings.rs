@@ -25,7 +25,8 @@ pub struct Interreflection {
     /// Longest edge of a patch of a diffuse reflector, as a share of its distance from the nearest light. 0.05 to 4.
     ///
     /// Radiance is exact at the corners of patches and interpolated between them. Where rays are sent, patches are also no
-    /// longer than 0.4 of this share of a body that may throw its shadow on them.
+    /// longer than 0.4 of this share of a body that may throw its shadow on them, and near it than 0.8 of this share of its
+    /// parts, of which the smallest are an eighth of it.
     pub patch: f32,
     /// Most patches of all reflectors together. 64 to 65,536: where they would be more, all become larger alike.
     pub most_patches: u32,

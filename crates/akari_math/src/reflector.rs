@@ -54,6 +54,17 @@ pub fn lobe_landing(axis: Vec3, a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
     axis * (height / (-normal.dot(axis)).max(MIN_DESCENT * size))
 }
 
+/// What `point`, as seen from the origin in a mirror of this `normal` there, has to be moved to for a flat mirror of the normal
+/// `flat` to show the same: it is mirrored by its own normal, and back by the other.
+///
+/// Unit normals. As far from the origin as the point. Moved so, the corners of bent mirrors beside each other, one surface with
+/// one normal at each corner, show lights as one mirror does, without gaps or overlaps at their edges.
+#[must_use]
+pub fn unbent_point(point: Vec3, normal: Vec3, flat: Vec3) -> Vec3 {
+    let mirrored = point - 2.0 * point.dot(normal) * normal;
+    mirrored - 2.0 * mirrored.dot(flat) * flat
+}
+
 /// Sharpness of the light from a polygon that a flat surface mirrors, from what the surface's lobe takes of the polygon at
 /// the place that mirrors its centre, and the solid angle of the polygon's image in sr: `2 π integral / solid_angle`.
 ///
@@ -73,4 +84,28 @@ const MAX_SHARPNESS: f32 = 1e8;
 #[must_use]
 pub fn tail_sharpness(sharpness: f32, offset: f32) -> f32 {
     sharpness / (1.0 + 0.5 * sharpness * offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bent_mirrors_beside_each_other_show_a_light_once() {
+        // Two facets of a cylinder about y, seen from before it, and where their flat mirrors show a light.
+        let normal = |angle: f32| Vec3::new(angle.sin(), 0.0, -angle.cos());
+        let light = Vec3::new(0.9, 0.3, -0.4).normalize();
+        let edge = Vec3::new(0.2, 0.4, 1.5);
+        let at_edge = normal(0.3);
+        let away = |middle: Vec3| {
+            let image = light - 2.0 * light.dot(middle) * middle;
+            let shown = unbent_point(edge, at_edge, middle);
+            assert!((shown.length() - edge.length()).abs() < 1e-6);
+            image.angle_between(shown)
+        };
+        // The edge that they share is as far from the light's image by way of one as of the other; where it is, it is not.
+        assert!((away(normal(0.25)) - away(normal(0.4))).abs() < 1e-5);
+        let flat = |middle: Vec3| (light - 2.0 * light.dot(middle) * middle).angle_between(edge);
+        assert!((flat(normal(0.25)) - flat(normal(0.4))).abs() > 0.1);
+    }
 }

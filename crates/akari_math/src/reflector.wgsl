@@ -50,6 +50,13 @@ fn lobe_landing(axis: vec3<f32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> ve
     return axis * (height / max(-dot(normal, axis), MIN_DESCENT * size));
 }
 
+// What `point`, as seen from the origin in a mirror of this `normal` there, has to be moved to for a flat mirror of the normal
+// `flat` to show the same.
+fn unbent_point(point: vec3<f32>, normal: vec3<f32>, flat: vec3<f32>) -> vec3<f32> {
+    let mirrored = point - (2.0 * dot(point, normal)) * normal;
+    return mirrored - (2.0 * dot(mirrored, flat)) * flat;
+}
+
 // Sharpness of the light from a polygon that a flat surface mirrors.
 fn image_sharpness(integral: f32, solid_angle: f32) -> f32 {
     return min(TWO_PI * max(integral, 0.0) / max(solid_angle, TINY), MAX_SHARPNESS);

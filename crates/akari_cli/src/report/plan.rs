@@ -172,6 +172,9 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
             "aperture",
             "voxel_size",
             "cascades",
+            "cones",
+            // One bounce, for comparison with all of them.
+            "feedback",
             // All is matte in its scene.
             "specular_cones",
             // Indirect light has none.
@@ -192,6 +195,7 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
         ("denoise", true) if scene.ends_with(FIRST_FRAME) => {
             &["resample_below", "history", "levels"]
         }
+        ("denoise", true) => &["resample_below", "levels"],
         ("denoise", _) => &["resample_below"],
         // It shows in what reads lobes, which the curve of the denoiser is about.
         ("lobes", _) => &["wang"],
@@ -206,15 +210,14 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
         ("area_lights", "contribution_cutoff", false) => {
             Some(&[0.00390625, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0])
         }
-        ("voxel_gi", "cones", true) => Some(&[16.0]),
         ("voxel_gi", "cones" | "gather_cones", _) => Some(&[1.0, 5.0, 9.0, 16.0]),
         ("voxel_gi", "scale", true) => Some(&[1.0, 4.0]),
         ("voxel_gi", "scale", _) => Some(&[1.0, 2.0, 4.0]),
         ("voxel_gi", "resolution", true) => Some(&[64.0, 128.0]),
         ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
-        ("denoise", "levels", true) => Some(&[4.0, 6.0]),
-        ("interreflection", "cut", true) => Some(&[0.08, 0.3, 0.6, 1.0]),
-        ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0, 7.0]),
+        ("area_lights", "texture_cells", true) => Some(&[4.0]),
+        ("interreflection", "cut", true) => Some(&[0.08, 0.3, 0.6]),
+        ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0]),
         ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
         _ => None,
@@ -382,10 +385,12 @@ mod tests {
             knobs
         };
         let (few, all) = (turned(true), turned(false));
-        for knob in ["cones", "resolution", "scale"] {
+        for knob in ["resolution", "scale"] {
             assert!(few.contains(knob), "{knob}");
         }
-        assert!(all.contains("cascades") && all.contains("specular_cones"));
+        for knob in ["cones", "cascades", "specular_cones", "feedback"] {
+            assert!(all.contains(knob), "{knob}");
+        }
         assert!(all.is_superset(&few) && all.len() > few.len());
         assert!(!all.contains("pages"));
     }

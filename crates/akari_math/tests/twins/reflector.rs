@@ -1,8 +1,10 @@
 //! Rows of `reflector`.
 
 use crate::harness::{Case, Mutation, absolute, domain, dvec3, push3, rows, ulp, vec3};
-use akari_math::reflector::{image_sharpness, lobe_landing, tail_sharpness, triangle_weights};
-use glam::DVec3;
+use akari_math::reflector::{
+    image_sharpness, lobe_landing, tail_sharpness, triangle_weights, unbent_point,
+};
+use glam::{DQuat, DVec3};
 
 const MODULE: &str = "akari_math::reflector";
 
@@ -67,8 +69,43 @@ fn in_front(seed: u64, lo: f32, hi: f32) -> Vec<f32> {
     })
 }
 
+/// A point, a normal, and one as far from it as the range.
+fn normals(seed: u64, lo: f32, hi: f32) -> Vec<f32> {
+    rows(seed, 300, |random, row| {
+        push3(row, random.direction() * random.log_range(-2.0, 1.0));
+        let normal = random.direction();
+        push3(row, normal);
+        let angle = random.range(lo, hi);
+        push3(row, random.around(normal, angle));
+    })
+}
+
 pub fn cases() -> Vec<Case> {
     vec![
+        Case {
+            module: MODULE,
+            functions: &["unbent_point"],
+            imports: "",
+            body: "y_vec3(0u, unbent_point(x_vec3(0u), x_vec3(3u), x_vec3(6u)));",
+            inputs: 9,
+            outputs: 3,
+            twin: |x, y| push3(y, unbent_point(vec3(x, 0), vec3(x, 3), vec3(x, 6))),
+            oracle: Some(|x, y| {
+                // Twice turned as the normals are to each other.
+                let (normal, flat) = (dvec3(x, 3).normalize(), dvec3(x, 6).normalize());
+                let turn = DQuat::from_rotation_arc(normal, flat);
+                y.extend((turn * (turn * dvec3(x, 0))).to_array());
+            }),
+            domains: vec![
+                domain("one", normals(805, 0.0, 0.0), absolute(4e-6), absolute(4e-6)),
+                domain("near", normals(806, 0.0, 0.3), absolute(8e-6), absolute(8e-6)),
+                domain("any", normals(807, 0.3, 3.0), absolute(1e-5), absolute(1e-5)),
+            ],
+            mutations: vec![
+                mutation("(2.0 * dot(point, normal)) * normal", "(1.99 * dot(point, normal)) * normal"),
+                mutation("(2.0 * dot(mirrored, flat)) * flat", "(2.0 * dot(point, flat)) * flat"),
+            ],
+        },
         Case {
             module: MODULE,
             functions: &["triangle_weights"],

@@ -85,7 +85,7 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
             "corridor",
             "cornell",
         ],
-        (_, true) => &["roughness_map"],
+        (_, true) => &["roughness_map", "cornell"],
         (_, false) => &[
             "roughness_map",
             "cornell",
@@ -134,10 +134,14 @@ pub fn subjects(
         };
         for scene in of_effect {
             // What has just come into view has no history, and is filtered all the same.
-            let kinds: &[bool] = if effect == "denoise" {
-                &[false, true]
-            } else {
-                &[false]
+            let kinds: &[bool] = match effect {
+                // A quick look is at one scene of each kind.
+                "denoise" if quick && scenes.is_empty() => {
+                    let is_first = !scene.ends_with("roughness_map.glb");
+                    if is_first { &[true] } else { &[false] }
+                }
+                "denoise" => &[false, true],
+                _ => &[false],
             };
             subjects.extend(kinds.iter().map(|first_frame| Subject {
                 effect,

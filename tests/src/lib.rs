@@ -1,6 +1,7 @@
 //! Headless render tests of `bevy_akari`: what they share.
 
 pub mod accuracy;
+pub mod box_over_floor;
 pub mod denoise;
 pub mod reflecting;
 pub mod room;

@@ -31,7 +31,7 @@ pub const NO_LOBE: u32 = u32::MAX;
 /// Format of the filtered first word of the G-buffer.
 pub const WORD_FORMAT: TextureFormat = TextureFormat::R32Uint;
 /// Bytes of the uniform of the roughness filter.
-pub const GEOMETRIC_FILTER_BYTES: u64 = 8;
+pub const GEOMETRIC_FILTER_BYTES: u64 = 12;
 
 /// What decides how guides are declared and bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

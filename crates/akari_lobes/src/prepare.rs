@@ -2,8 +2,8 @@
 
 use crate::EFFECT;
 use crate::extract::ViewLobes;
-use crate::pipeline::{GuideKey, LOBE_FORMAT, LobePipelines, WORD_FORMAT};
-use crate::settings::MAX_ADDED_ROUGHNESS;
+use crate::pipeline::{GEOMETRIC_FILTER_BYTES, GuideKey, LOBE_FORMAT, LobePipelines, WORD_FORMAT};
+use crate::settings::{MAX_ADDED_ROUGHNESS, SpecularLobes};
 use akari_render::guides::{ExternalGuides, ViewGuides};
 use akari_render::ledger::{CollectCounters, read_back_words};
 use akari_render::pipelines::Pipelines;
@@ -27,8 +27,35 @@ pub struct LobeTextures {
     /// Stored lobes, if they are stored.
     lobes: Option<TextureView>,
     /// Filtered first words of the G-buffer, and the filter's uniform with what it was made from.
-    words: Option<(TextureView, Buffer, f32)>,
+    words: Option<(TextureView, Buffer, GeometricFilter)>,
     tiles: TileBuffers,
+}
+
+/// `GeometricFilter` of `filter_roughness.wgsl`, less its constant.
+#[derive(Clone, Copy, PartialEq)]
+struct GeometricFilter {
+    sigma_squared: f32,
+    looks: u32,
+}
+
+impl GeometricFilter {
+    fn of(settings: &SpecularLobes) -> Self {
+        Self {
+            sigma_squared: settings.geometric_filter,
+            looks: settings.geometric_looks,
+        }
+    }
+
+    fn bytes(self) -> [u8; GEOMETRIC_FILTER_BYTES as usize] {
+        let mut bytes = [0; GEOMETRIC_FILTER_BYTES as usize];
+        let words = [
+            self.sigma_squared.to_le_bytes(),
+            MAX_ADDED_ROUGHNESS.to_le_bytes(),
+            self.looks.to_le_bytes(),
+        ];
+        bytes.copy_from_slice(words.as_flattened());
+        bytes
+    }
 }
 
 /// What tiles are sorted into.
@@ -148,13 +175,13 @@ pub fn prepare_lobe_textures(
             continue;
         };
         let stored = view.settings.stored;
-        let sigma_squared = view.settings.geometric_filter;
+        let filter = GeometricFilter::of(&view.settings);
         // Only Bevy's G-buffer is rewritten; what others hand in is theirs.
-        let filters = sigma_squared > 0.0 && view.external.is_none();
+        let filters = filter.sigma_squared > 0.0 && view.external.is_none();
         let up_to_date = existing.is_some_and(|held| {
             held.size == size
                 && held.lobes.is_some() == stored
-                && held.words.as_ref().map(|words| words.2) == filters.then_some(sigma_squared)
+                && held.words.as_ref().map(|words| words.2) == filters.then_some(filter)
         });
         if let (true, Some(held)) = (up_to_date, existing) {
             held.tiles.clear(size, &queue);
@@ -180,13 +207,11 @@ pub fn prepare_lobe_textures(
             let words = filters.then(|| {
                 let uniform = device.create_buffer_with_data(&BufferInitDescriptor {
                     label: Some("akari_lobes_geometric_filter"),
-                    contents: [sigma_squared, MAX_ADDED_ROUGHNESS]
-                        .map(f32::to_le_bytes)
-                        .as_flattened(),
+                    contents: &filter.bytes(),
                     usage: BufferUsages::UNIFORM,
                 });
                 let words = texture("akari_lobes_words", WORD_FORMAT, TextureUsages::empty());
-                (words, uniform, sigma_squared)
+                (words, uniform, filter)
             });
             let pixels = u64::from(size.x) * u64::from(size.y);
             ledger.set_bytes(

@@ -27,6 +27,10 @@ pub struct SpecularLobes {
     /// It widens the roughness in Bevy's G-buffer by how much the normal turns between neighbouring pixels, so that
     /// Bevy's lighting, ours, and the lobes agree.
     pub geometric_filter: f32,
+    /// From how many neighbours of a pixel geometric antialiasing learns how much the normal turns there. 2: one along each
+    /// axis, so that edges turn rough. 4: both sides, without edges. 8: the rows beside them, too, for less noise where
+    /// detail is finer than pixels. Range 2 to 8; numbers between these count as the next smaller one.
+    pub geometric_looks: u32,
 }
 
 /// Settings of every camera that has no [`SpecularLobes`].
@@ -74,9 +78,32 @@ impl Knobs for SpecularLobes {
             ],
             cost: "two passes and 4 bytes a pixel unless 0",
         },
+        Knob {
+            name: "geometric_looks",
+            what: "neighbours that geometric antialiasing looks at: 2, 4 or 8",
+            min: 2.0,
+            max: 8.0,
+            integer: true,
+            presets: [2.0, 4.0, 8.0, 8.0],
+            cost: "grows with them",
+        },
     ];
 
-    akari_render::knob_fields!(stored, wang, geometric_filter);
+    akari_render::knob_fields!(stored, wang, geometric_filter, geometric_looks);
+
+    fn effective(self) -> Self {
+        let high = Self::preset(Quality::High);
+        let geometric_looks = match self.geometric_looks {
+            _ if self.geometric_filter == 0.0 => high.geometric_looks,
+            8.. => 8,
+            4.. => 4,
+            _ => 2,
+        };
+        Self {
+            geometric_looks,
+            ..self
+        }
+    }
 }
 
 #[cfg(test)]
@@ -86,7 +113,24 @@ mod tests {
 
     #[test]
     fn fields_are_knobs() {
-        let fields = ["stored", "wang", "geometric_filter"];
+        let fields = ["stored", "wang", "geometric_filter", "geometric_looks"];
         assert_eq!(knob_faults::<SpecularLobes>(&fields), [""; 0]);
+    }
+
+    #[test]
+    fn looks_count_in_steps_and_only_where_there_is_a_filter() {
+        let with = |geometric_filter, geometric_looks| {
+            let settings = SpecularLobes {
+                geometric_filter,
+                geometric_looks,
+                ..default()
+            };
+            settings.effective().geometric_looks
+        };
+        assert_eq!(
+            [2, 3, 4, 7, 8].map(|looks| with(0.1, looks)),
+            [2, 2, 4, 4, 8]
+        );
+        assert_eq!(with(0.0, 2), with(0.0, 4));
     }
 }

@@ -397,7 +397,7 @@ fn workgroups_and_uniforms_agree() {
     let names: Vec<_> = members.iter().filter_map(|m| m.name.as_deref()).collect();
     assert_eq!(
         names,
-        ["sigma_squared", "limit"],
+        ["sigma_squared", "limit", "looks"],
         "the order in which the host writes them"
     );
 }

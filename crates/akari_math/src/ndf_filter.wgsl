@@ -4,10 +4,18 @@
 
 // Smallest mean length of a cone of normals.
 const MIN_RESULTANT: f32 = 1e-3;
+// Most that the normal may turn to one side of a pixel, in squares of what it turns to the other.
+const MOST_UNEVEN_TURN: f32 = 9.0;
 
-// Variance of slopes within a pixel from the screen derivatives of the normal.
-fn geometric_roughness_variance(dn_du: vec3<f32>, dn_dv: vec3<f32>, sigma_squared: f32, kappa: f32) -> f32 {
-    return 0.5 * min(sigma_squared * (dot(dn_du, dn_du) + dot(dn_dv, dn_dv)), kappa);
+// Squared turn of the normal per pixel, from the squared distances to both neighbours along one axis.
+fn two_sided_turn(before: f32, after: f32) -> f32 {
+    let less = min(before, after);
+    return 0.5 * (less + min(max(before, after), MOST_UNEVEN_TURN * less));
+}
+
+// Variance of slopes within a pixel from the sum of the squared screen derivatives of the normal.
+fn geometric_roughness_variance(squared_turn: f32, sigma_squared: f32, kappa: f32) -> f32 {
+    return 0.5 * min(sigma_squared * squared_turn, kappa);
 }
 
 // Alpha of GGX with a variance of slopes added, at most 1.

@@ -185,20 +185,23 @@ pub(crate) fn build(app: &mut App) {
 fn extract_captures(
     mut commands: Commands,
     cameras: Extract<Query<(RenderEntity, &CaptureBuffers), With<Camera3d>>>,
-    marked: Query<Entity, With<ViewCapture>>,
+    mut marked: Query<(Entity, &mut ViewCapture)>,
     ledger: Res<GpuLedger>,
 ) {
     let mut wanted = Vec::new();
     for (view, shared) in &cameras {
         wanted.push(view);
-        if !marked.contains(view) {
+        if let Ok((_, mut capture)) = marked.get_mut(view) {
+            // Another one, in place of the one before, waits for its own.
+            capture.shared = shared.clone();
+        } else {
             commands.entity(view).insert(ViewCapture {
                 shared: shared.clone(),
                 targets: None,
             });
         }
     }
-    for view in &marked {
+    for (view, _) in &marked {
         if !wanted.contains(&view) {
             commands.entity(view).remove::<ViewCapture>();
         }

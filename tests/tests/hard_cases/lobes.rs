@@ -443,12 +443,14 @@ fn filter() -> Row {
             header:
                 "#import akari_math::ndf_filter::{filtered_alpha, geometric_roughness_variance}"
                     .to_owned(),
-            body: "y(0u, filtered_alpha(x(6u), geometric_roughness_variance(x_vec3(0u), x_vec3(3u), 0.25, 0.18)));",
+            body: "let turn = dot(x_vec3(0u), x_vec3(0u)) + dot(x_vec3(3u), x_vec3(3u));
+            y(0u, filtered_alpha(x(6u), geometric_roughness_variance(turn, 0.25, 0.18)));",
         },
         inputs: 7,
         outputs: 1,
         twin: |x, y| {
-            let variance = geometric_roughness_variance(vec3(x, 0), vec3(x, 3), 0.25, 0.18);
+            let turn = vec3(x, 0).length_squared() + vec3(x, 3).length_squared();
+            let variance = geometric_roughness_variance(turn, 0.25, 0.18);
             y.push(filtered_alpha(x[6], variance));
         },
         oracle: |x, y| {

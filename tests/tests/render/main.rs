@@ -10,6 +10,7 @@ mod elision;
 mod environment;
 mod halls;
 mod hard_cases;
+mod highlights;
 mod indirect;
 mod indirect_quality;
 mod indirect_views;

@@ -10,6 +10,7 @@ fn passes_of(effect: &str) -> &'static str {
     match effect {
         "area_lights" | "shadows" => "akari_area_light",
         "interreflection" => "akari_interreflection",
+        "lobes" => "akari_lobes",
         "denoise" => "akari_denoise",
         "voxel_gi" => "akari_voxel_gi",
         _ => "akari_",
@@ -21,10 +22,6 @@ fn passes_of(effect: &str) -> &'static str {
 pub fn ladders(report: &Report) -> Vec<Ladder> {
     let mut effects: Vec<&str> = Vec::new();
     for curve in &report.curves {
-        // Lobes are filtered or not: no ladder.
-        if curve.effect == "lobes" {
-            continue;
-        }
         if !effects.contains(&curve.effect.as_str()) {
             effects.push(&curve.effect);
         }

@@ -33,9 +33,12 @@ use std::time::{Duration, Instant};
 pub struct Scope {
     /// Width and height of pictures, pixels.
     size: u32,
+    /// The same for the filter of lobes, which takes hardly longer than to be started: with more pixels, settings can be told
+    /// apart.
+    lobes_size: u32,
     /// Samples a pixel of references.
     spp: u32,
-    /// Rounds over all settings, each of which times [`FRAMES_PER_ROUND`] frames of every setting.
+    /// Rounds over all settings, each of which times [`FRAMES_PER_ROUND`] frames of every setting, or more.
     rounds: u32,
     /// Values tried of each knob besides those of the presets.
     steps: usize,
@@ -54,6 +57,7 @@ impl Scope {
         let mut scope = if args.quick {
             Self {
                 size: 96,
+                lobes_size: 192,
                 spp: 256,
                 rounds: 3,
                 steps: 3,
@@ -65,6 +69,7 @@ impl Scope {
         } else {
             Self {
                 size: 192,
+                lobes_size: 192,
                 spp: 2048,
                 rounds: 25,
                 steps: 6,
@@ -75,6 +80,7 @@ impl Scope {
             }
         };
         scope.size = args.size.unwrap_or(scope.size);
+        scope.lobes_size = args.size.unwrap_or(scope.lobes_size);
         scope.spp = args.spp.unwrap_or(scope.spp);
         scope.rounds = args.frames.unwrap_or(scope.rounds);
         scope
@@ -223,8 +229,10 @@ fn measured_before(
     (same && pictures).then_some(part)
 }
 
-/// Timed frames of a setting in a round: those before them, in which buffers are made anew, are the dear ones.
-const FRAMES_PER_ROUND: u32 = 3;
+/// Fewest timed frames of a setting in a round: those before them, in which buffers are made anew, are the dear ones.
+const FRAMES_PER_ROUND: usize = 3;
+/// As long as they take less, more of them are timed: the least of few short times is a matter of luck.
+const VISIT: Duration = Duration::from_millis(400);
 
 fn measure(
     subject: &Subject,
@@ -262,7 +270,7 @@ fn measure(
             effect: subject.effect.to_owned(),
             scene: subject.scene_name(),
             what: stage.what.to_owned(),
-            size: [scope.size; 2],
+            size: [subject.side(&scope); 2],
             reference: stage.reference.clone(),
             points,
         },
@@ -334,7 +342,7 @@ fn time(
     /// enough.
     const QUICK_END: Duration = Duration::from_secs(10);
     const QUICK_ROUNDS: u32 = 2;
-    // The least of few short times is a matter of luck: rounds go on for as long.
+    // Rounds go on for as long.
     let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });
     let start = Instant::now();
     let rounds = scope.rounds;
@@ -354,15 +362,18 @@ fn time(
             let left = (done > 0).then(|| start.elapsed().mul_f64(missing as f64 / done as f64));
             reporter.show_phase("times", done.min(total), total, left);
             stage.apply(variant)?;
-            for _ in 0..FRAMES_PER_ROUND {
+            let (visit, before) = (Instant::now(), frames[i].len());
+            while frames[i].len() < before + FRAMES_PER_ROUND || visit.elapsed() < VISIT {
                 let frame = stage.frame()?;
-                gpu[i].extend(frame.gpu_ms);
+                if !frame.passes.is_empty() {
+                    gpu[i].push(frame.passes);
+                }
                 frames[i].push(frame.frame_ms);
             }
         }
     }
     for (i, point) in points.iter_mut().enumerate() {
-        point.gpu_ms = Milliseconds::of(&gpu[i]);
+        point.gpu_ms = Milliseconds::of_passes(&gpu[i]);
         if let Some(frame_ms) = Milliseconds::of(&frames[i]) {
             point.frame_ms = frame_ms;
         }
@@ -441,7 +452,7 @@ mod tests {
         serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
             "scope": {
-                "size": 64, "spp": 16, "rounds": 3, "steps": 2, "face_size": 32, "history_frames": 4,
+                "size": 64, "lobes_size": 64, "spp": 16, "rounds": 3, "steps": 2, "face_size": 32, "history_frames": 4,
                 "bounce_frames": 8, "quick": true
             },
             "device": {"adapter": "a", "kind": "b", "backend": "c", "driver": "d"},

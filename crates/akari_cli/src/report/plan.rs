@@ -37,6 +37,15 @@ impl Subject {
         format!("{}-{}", self.effect, self.scene_name())
     }
 
+    /// Side of its pictures, pixels.
+    pub fn side(&self, scope: &Scope) -> u32 {
+        if self.effect == "lobes" {
+            scope.lobes_size
+        } else {
+            scope.size
+        }
+    }
+
     /// The scene's file name without its ending, and what it is seen in.
     pub fn scene_name(&self) -> String {
         let stem = self
@@ -73,7 +82,8 @@ fn scenes_of(effect: &str, quick: bool) -> &'static [&'static str] {
         ("area_lights", false) => &["spheres_quad", "spheres_textured", "gallery", "many_lights"],
         ("shadows", true) => &["shadows_28"],
         ("shadows", false) => &["shadows_28", "shadows_10", "shadows_3", "cornell"],
-        ("lobes", _) => &["normal_mapped"],
+        ("lobes", true) => &["fine_metal"],
+        ("lobes", false) => &["fine_metal", "normal_mapped"],
         ("interreflection", true) => &["corner", "corner_glossy", "corner_screen"],
         ("interreflection", false) => &["corner", "corner_glossy", "corner_screen", "ring"],
         // A metal block throws caustics, which voxels know nothing of and no setting mends: they would hide what does.
@@ -201,8 +211,8 @@ fn left_out(effect: &str, scene: &str, quick: bool) -> &'static [&'static str] {
         }
         ("denoise", true) => &["resample_below", "levels"],
         ("denoise", _) => &["resample_below"],
-        // It shows in what reads lobes, which the curve of the denoiser is about.
-        ("lobes", _) => &["wang"],
+        // They show in what reads lobes, which the curve of the denoiser is about.
+        ("lobes", _) => &["wang", "stored"],
         _ => &[],
     }
 }
@@ -223,6 +233,8 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
         ("interreflection", "cut", true) => Some(&[0.08, 0.3, 0.6]),
         ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0]),
         ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
+        ("lobes", "geometric_filter", true) => Some(&[0.0]),
+        ("lobes", "geometric_looks", _) => Some(&[2.0, 4.0, 8.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
         _ => None,
     }
@@ -343,6 +355,7 @@ mod tests {
 
     const SCOPE: Scope = Scope {
         size: 64,
+        lobes_size: 64,
         spp: 4,
         rounds: 1,
         steps: 4,

@@ -229,7 +229,7 @@ pub fn cost_table(report: &Report) -> String {
     let device = &report.device;
     let mut text = format!(
         "What each setting costs, and how wrong it is, on {} ({}): the settings that no other one beats in both, written \
-         by `akari report`. Times are the least of all rounds of the effect's passes, and hold for this device and these \
+         by `akari report`. Times are sums of the least times of the effect's passes over all rounds, and hold for this device and these \
          pictures alone; their ratios carry over further. \"Presets\" names those that are the same setting, \"relative \
          RMSE\" is against a path-traced reference.\n",
         device.adapter, device.driver
@@ -379,10 +379,6 @@ mod tests {
             *of_effect = (*of_effect).max(front_by_time(curve).len());
         }
         for (effect, most) in most {
-            // Lobes are filtered or not, for the same time: nothing to climb. The denoiser's curve holds their use.
-            if effect == "lobes" {
-                continue;
-            }
             assert!(most >= 4, "{effect}: at most {most} settings on a front");
         }
     }

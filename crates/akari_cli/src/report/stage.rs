@@ -31,10 +31,10 @@ const VOXEL_FRAMES: u32 = 6;
 const ALL_BOUNCES: u32 = 16;
 
 /// A frame's times.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FrameTime {
-    /// Sum of the time spans of our passes, milliseconds; absent without timestamps.
-    pub gpu_ms: Option<f64>,
+    /// Time spans of the effect's passes, milliseconds; none without timestamps.
+    pub passes: BTreeMap<String, f64>,
     /// The whole frame, milliseconds.
     pub frame_ms: f64,
 }
@@ -88,9 +88,10 @@ impl Stage {
     ) -> Result<Self, CliError> {
         let scene = load_scene(&subject.scene, common)?;
         let camera = choose_camera(&scene, None, common)?;
+        let side = subject.side(scope);
         let size = Size {
-            width: scope.size,
-            height: scope.size,
+            width: side,
+            height: side,
         };
         let options = reference_options(subject.effect, size, scope.spp);
         let on_top = comes_on_top(subject.effect);
@@ -176,7 +177,9 @@ impl Stage {
             reference,
             what: match subject.effect {
                 "shadows" => "direct light with baked shadows, against traced rays",
-                "lobes" => "direct light on normal-mapped surfaces, one look a pixel, against many",
+                "lobes" => {
+                    "direct light on surfaces finer than pixels, one look a pixel, against many"
+                }
                 "interreflection" => {
                     "one bounce alone: the picture less that without it, against traced paths of one bounce"
                 }
@@ -399,18 +402,15 @@ impl Stage {
                 effect: "interreflection",
                 ..
             } => "akari_interreflection",
+            // Nothing of the light that is drawn with them.
+            Drawing::Scene {
+                effect: "lobes", ..
+            } => "akari_lobes",
             _ => "akari_",
         };
-        let spans = self.headless().gpu_times();
-        let own: Vec<f64> = spans
-            .iter()
-            .filter(|(name, _)| name.starts_with(timed))
-            .map(|(_, milliseconds)| *milliseconds)
-            .collect();
-        Ok(FrameTime {
-            gpu_ms: (!own.is_empty()).then(|| own.iter().sum()),
-            frame_ms,
-        })
+        let mut passes = self.headless().gpu_times();
+        passes.retain(|name, _| name.starts_with(timed));
+        Ok(FrameTime { passes, frame_ms })
     }
 
     /// The picture of a new frame.

@@ -14,6 +14,7 @@ mod light_image;
 mod lookup;
 mod ltc;
 mod mirrored_light;
+mod ndf_filter;
 mod noise;
 mod packing;
 mod places;
@@ -29,6 +30,7 @@ mod signals;
 mod soft_shadow;
 mod special;
 mod voxel;
+mod voxel_cones;
 mod voxel_coverage;
 mod weight_properties;
 mod weight_terms;
@@ -61,8 +63,10 @@ fn table() -> Vec<Case> {
     cases.extend(weight_terms::cases());
     cases.extend(noise::cases());
     cases.extend(filters::cases());
+    cases.extend(ndf_filter::cases());
     cases.extend(shadows::cases());
     cases.extend(voxel::cases());
+    cases.extend(voxel_cones::cases());
     cases.extend(soft_shadow::cases());
     cases.extend(voxel_coverage::cases());
     cases

@@ -2,6 +2,7 @@
 
 mod cornell;
 mod document;
+mod fine_metal;
 mod gallery;
 mod glb;
 mod glossy;
@@ -56,6 +57,7 @@ pub fn all() -> Vec<(&'static str, Vec<u8>)> {
         ),
         ("corridor.glb", indirect::corridor().finish()),
         ("empty.glb", small::empty().finish()),
+        ("fine_metal.glb", fine_metal::fine_metal().finish()),
         ("floor_light.glb", small::floor_light().finish()),
         ("furnace.glb", indirect::furnace().finish()),
         ("gallery.glb", gallery::gallery().finish()),

@@ -246,6 +246,7 @@ fn measure(
     let device = stage.device();
     make_folder(parts)?;
     let variants = plan::variants(subject.effect, &subject.scene_name(), &scope);
+    let (variants, repeated) = plan::split_repeated(variants);
     let reporter = Reporter::with_phases("report", common);
     let mut points = Vec::with_capacity(variants.len());
     for (i, variant) in variants.iter().enumerate() {
@@ -258,8 +259,27 @@ fn measure(
         }
         points.push(point);
     }
-    time(&mut stage, &variants, &mut points, scope, &reporter)?;
+    // What hardly takes longer than to be started needs many looks to be told from what takes as little.
+    let patience = if subject.effect == "lobes" { 2 } else { 1 };
+    time(
+        &mut stage,
+        &variants,
+        &mut points,
+        scope,
+        patience,
+        &reporter,
+    )?;
     reporter.finish();
+    for (preset, same) in &repeated {
+        points.push(Point {
+            label: preset.label.clone(),
+            preset: preset
+                .preset
+                .map(|quality| plan::preset_name(quality).to_owned()),
+            settings: preset.values.clone(),
+            ..points[*same].clone()
+        });
+    }
     mark_front(&mut points);
     let part = Part {
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -328,12 +348,14 @@ fn flicker(a: &RgbImage, b: &RgbImage) -> f64 {
     if sum > 0.0 { difference / sum } else { 0.0 }
 }
 
-/// Times every setting in each round, so that a machine that slows down for a while slows all of them down.
+/// Times every setting in each round, so that a machine that slows down for a while slows all of them down; for `patience` times
+/// as long as usual.
 fn time(
     stage: &mut Stage,
     variants: &[Variant],
     points: &mut [Point],
     scope: Scope,
+    patience: u32,
     reporter: &Reporter,
 ) -> Result<(), CliError> {
     /// Rounds go on until there are enough times, but not for more than so many times the rounds.
@@ -343,7 +365,7 @@ fn time(
     const QUICK_END: Duration = Duration::from_secs(10);
     const QUICK_ROUNDS: u32 = 2;
     // Rounds go on for as long.
-    let long_enough = Duration::from_secs(if scope.quick { 8 } else { 15 });
+    let long_enough = patience * Duration::from_secs(if scope.quick { 8 } else { 15 });
     let start = Instant::now();
     let rounds = scope.rounds;
     let total = u64::from(rounds) * variants.len() as u64;
@@ -351,7 +373,8 @@ fn time(
     let mut frames = vec![Vec::new(); variants.len()];
     for round in 0..rounds * MOST_REPEATS {
         let enough = round >= rounds && (rounds < FEWEST_ROUNDS || start.elapsed() > long_enough);
-        let too_long = scope.quick && round >= QUICK_ROUNDS && start.elapsed() > QUICK_END;
+        let too_long =
+            scope.quick && round >= QUICK_ROUNDS && start.elapsed() > patience * QUICK_END;
         if enough || too_long {
             break;
         }

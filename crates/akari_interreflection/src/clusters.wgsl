@@ -6,8 +6,8 @@
     cluster_gloss_error, cluster_light_error, cluster_ndf_bound, cluster_shape_error, cluster_side,
 }
 #import akari_math::special::{safe_normalize, TINY}
-#import akari_interreflection::lights::Light
-#import akari_interreflection::types::{Cluster, ClusterLight, KIND_DIRECTIONAL, KIND_POLYGON}
+#import akari_interreflection::types::{Cluster, ClusterLight}
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POLYGON, Light}
 
 const TWO_PI: f32 = 6.28318531;
 // Largest length of the difference of two directions, over the sine of the angle between them, up to a right angle.

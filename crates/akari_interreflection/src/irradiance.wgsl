@@ -2,14 +2,13 @@
 
 #import akari_math::frame::orthonormal_basis
 #import akari_math::ltc::polygon::{lambert_polygon_add_edge, lambert_polygon_close, lambert_polygon_new}
-#import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light, unpack_light}
+#import akari_interreflection::lights::{INV_PI, polygon_radiance, punctual_light}
 #ifdef SHADOW_RAYS
 #import akari_interreflection::lights::{FAR, light_sample}
 #import akari_interreflection::occlusion::held_back
 #endif
-#import akari_interreflection::types::{
-    InterreflectionView, IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, Triangle,
-}
+#import akari_interreflection::types::{InterreflectionView, IRRADIANCE_WORKGROUP, Triangle}
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, Light, unpack_light}
 
 #ifdef SKY
 #import akari_math::places::cosine_place

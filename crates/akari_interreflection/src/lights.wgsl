@@ -1,9 +1,9 @@
 #define_import_path akari_interreflection::lights
 
-// Lights as they are packed, and what arrives of them at a point.
+// What arrives of a light at a point.
 
 #import akari_math::area_light::range_falloff
-#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON}
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, Light}
 
 const INV_PI: f32 = 0.31830989;
 // Floor of squared distances.
@@ -14,41 +14,6 @@ const FAR: f32 = 1e5;
 // Effectiveness of Quasirandom Sequences").
 const STEP_ONE: f32 = 0.75487767;
 const STEP_TWO: f32 = 0.56984029;
-
-// One light, and where its corners are.
-struct Light {
-    position: vec3<f32>,
-    kind: u32,
-    color: vec3<f32>,
-    inverse_range_squared: f32,
-    direction: vec3<f32>,
-    area: f32,
-    // Of a point light the scale and offset of its cone.
-    cone: vec2<f32>,
-    first: u32,
-    count: u32,
-    two_sided: bool,
-    // Of the polygon about its middle.
-    radius: f32,
-}
-
-fn unpack_light(v_zero: vec4<f32>, v_one: vec4<f32>, v_two: vec4<f32>, v_three: vec4<f32>) -> Light {
-    var light: Light;
-    light.position = v_zero.xyz;
-    light.kind = u32(v_zero.w);
-    light.color = v_one.xyz;
-    light.inverse_range_squared = v_one.w;
-    light.direction = v_two.xyz;
-    light.area = v_two.w;
-    light.cone = v_three.xy;
-    if light.kind == KIND_POLYGON {
-        light.first = u32(v_three.x);
-        light.count = u32(v_three.y);
-        light.two_sided = v_three.z > 0.5;
-        light.radius = v_three.w;
-    }
-    return light;
-}
 
 // From a light that is no polygon: direction to it, and illuminance where the surface faces it.
 struct Incident {

@@ -24,12 +24,13 @@
 #import akari_math::sg::polygon::{sg_polygon_add_edge, sg_polygon_close, sg_polygon_new, sg_rule}
 #import akari_math::special::{safe_normalize, TINY}
 #import akari_interreflection::bindings::{lights, view}
-#import akari_interreflection::lights::{INV_PI, Light, polygon_radiance, punctual_light}
+#import akari_interreflection::lights::{INV_PI, polygon_radiance, punctual_light}
 #import akari_interreflection::receiver::{
     corner, corner_count, layer_from_table, look, MIN_INVERSE_SHARPNESS, MIN_N_DOT_V, nearest_weights, normal_of, Plane,
     plane_of, point_of, Receiver, Seen, Sent, spread_of,
 }
-#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON, ReflectorMaterial}
+#import akari_interreflection::types::ReflectorMaterial
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POLYGON, Light}
 
 // Solid angle below which a light's image is taken to be a point.
 const MIN_IMAGE: f32 = 1e-8;

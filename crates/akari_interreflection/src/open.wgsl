@@ -5,10 +5,10 @@
 #import akari_math::frame::orthonormal_basis
 #import akari_math::special::{safe_normalize, TINY}
 #import akari_interreflection::bindings::{settings, view}
-#import akari_interreflection::lights::{FAR, Light}
+#import akari_interreflection::lights::FAR
 #import akari_interreflection::occlusion::held_back
 #import akari_interreflection::receiver::{look, normal_of, ON_PLANE, point_of, Receiver, Seen, Sent}
-#import akari_interreflection::types::{KIND_DIRECTIONAL, KIND_POLYGON}
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POLYGON, Light}
 
 // Share of the least error that a cluster may have, below which it does not matter what is hidden.
 const UNTRACED: f32 = 0.25;

@@ -2,7 +2,7 @@
 
 use crate::EFFECT;
 use crate::buffers::{BoundSky, SharedBlockers, Tree, storage};
-use crate::lights::{ReflectedLights, pack_lights};
+use crate::lights::ReflectedLights;
 use crate::pipeline::{InterreflectionPipelines, IrradianceKey};
 use crate::receivers::ReceiverKinds;
 use crate::scene::{BlockerScene, ReflectorScene, ViewInterreflection, cut};
@@ -13,10 +13,12 @@ use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu::LTC_TABLE_BYTES;
 use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
+use akari_render::scene_lights::pack_lights;
 use akari_render::sky::SkyMap;
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::image::ToExtents;
+use bevy::math::DVec3;
 use bevy::pbr::deferred::{DEFAULT_PBR_DEFERRED_LIGHTING_PASS_ID, PbrDeferredLightingDepthId};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
@@ -150,7 +152,8 @@ pub fn prepare_reflectors(
     if views.is_empty() {
         return;
     }
-    let (vectors, light_count) = pack_lights(&lights.lights, &polygons.lights);
+    // The shaders that read them measure from the world's origin.
+    let (vectors, light_count) = pack_lights(&lights.lights, &polygons.lights, DVec3::ZERO);
     for (entity, view, interreflection, pass_id, existing) in views {
         let settings = &interreflection.settings;
         let sky = (interreflection.sky.as_ref())

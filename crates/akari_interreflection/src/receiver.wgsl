@@ -2,13 +2,12 @@
 
 // The surface that a pixel shows, and what it sees of a reflector.
 
-#import akari_math::area_light::specular_albedo
-#import akari_math::ltc::lookup::{ltc_lobe_weight, ltc_m, ltc_m_inv, ltc_uv}
 #import akari_math::reflector::{lobe_landing, triangle_weights}
 #import akari_math::special::{safe_normalize, TINY}
 #import akari_interreflection::bindings::{lights, ltc_table, table_sampler, view}
-#import akari_interreflection::lights::{Light, unpack_light}
-#import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, LIGHT_STRIDE, Triangle}
+#import akari_interreflection::types::{Cluster, FLAG_TWO_SIDED, Triangle}
+#import akari_render::ltc_layer::{LtcLayer, ltc_layer}
+#import akari_render::scene_lights::{LIGHT_STRIDE, Light, unpack_light}
 
 // Views that graze or pass below an interpolated normal see the surface as from this cosine.
 const MIN_N_DOT_V: f32 = 1e-4;
@@ -31,26 +30,8 @@ fn light_of(index: u32) -> Light {
     return unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
 }
 
-// One specular layer from the table.
-struct Layer {
-    m_inv: mat3x3<f32>,
-    m: mat3x3<f32>,
-    albedo: vec3<f32>,
-    lobe_weight: f32,
-    tail: vec2<f32>,
-}
-
-fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> Layer {
-    let uv = ltc_uv(perceptual_roughness, n_dot_v);
-    let texel0 = textureSampleLevel(ltc_table, table_sampler, uv, 0, 0.0);
-    let texel1 = textureSampleLevel(ltc_table, table_sampler, uv, 1, 0.0);
-    var layer: Layer;
-    layer.m_inv = ltc_m_inv(texel0, n_dot_v);
-    layer.m = ltc_m(texel0, n_dot_v);
-    layer.albedo = specular_albedo(f0, f90, texel1.x, texel1.y);
-    layer.lobe_weight = ltc_lobe_weight(layer.m_inv, texel1.z);
-    layer.tail = texel1.zw;
-    return layer;
+fn layer_from_table(perceptual_roughness: f32, n_dot_v: f32, f0: vec3<f32>, f90: f32) -> LtcLayer {
+    return ltc_layer(ltc_table, table_sampler, perceptual_roughness, n_dot_v, f0, f90);
 }
 
 // The surface that a pixel shows.
@@ -65,7 +46,7 @@ struct Receiver {
     alpha: f32,
     normal_reflectance: vec3<f32>,
     grazing_reflectance: f32,
-    layer: Layer,
+    layer: LtcLayer,
     // Reflection lobe in the world.
     lobe_axis: vec3<f32>,
     lobe_sharpness: f32,

@@ -6,7 +6,7 @@ use crate::casters::Casters;
 use crate::geometry::{
     ReflectorMesh, is_diffuse, is_glossy, place_triangle, reflector_material, split,
 };
-use crate::lights::{PunctualLight, nearest_distance};
+use crate::lights::nearest_distance;
 use crate::reflector::Reflector;
 use crate::settings::{DefaultInterreflection, Interreflection};
 use crate::shadow_boxes::{Fineness, LightBox, SMALLEST_PART, ShadowBox};
@@ -14,6 +14,7 @@ use crate::types::{GpuReflectorMaterial, GpuTriangle};
 use akari_render::area_lights::AreaLightPolygon;
 use akari_render::camera::GathersBounces;
 use akari_render::prelude::*;
+use akari_render::scene_lights::PunctualLight;
 use akari_render::sky::SkyMap;
 use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight};
 use bevy::platform::collections::{HashMap, HashSet};

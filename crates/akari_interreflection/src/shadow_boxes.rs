@@ -9,9 +9,9 @@
 //! it: those of the tree that rays walk, and below its leaves pieces of triangles.
 
 use crate::blockers::{BlockerMesh, Visit};
-use crate::lights::PunctualLight;
 use crate::types::GpuTriangle;
 use akari_render::area_lights::AreaLightPolygon;
+use akari_render::scene_lights::PunctualLight;
 use bevy::prelude::*;
 use std::sync::Arc;
 

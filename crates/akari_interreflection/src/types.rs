@@ -11,14 +11,6 @@ pub const AGGREGATE_WORKGROUP: u32 = 256;
 pub const MIXED_MATERIAL: u32 = u32::MAX;
 /// Bit of [`GpuTriangle::flags`]: its back reflects, too.
 pub const FLAG_TWO_SIDED: u32 = 1;
-/// Vectors of a light, as in `types.wgsl`.
-pub const LIGHT_STRIDE: u32 = 4;
-/// Kind of a light that is infinitely far away.
-pub const KIND_DIRECTIONAL: u32 = 0;
-/// Kind of a light that is a point.
-pub const KIND_POINT: u32 = 1;
-/// Kind of a light that is a polygon.
-pub const KIND_POLYGON: u32 = 2;
 /// Receivers that reflect diffusely alone.
 pub const RECEIVERS_MATTE: u32 = 1;
 /// Receivers with a specular lobe.

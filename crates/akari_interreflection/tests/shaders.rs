@@ -5,8 +5,7 @@ use akari_gpu_test::{layout_fault, u32_constants, workgroup_size};
 use akari_interreflection::types::{
     AGGREGATE_WORKGROUP, BLOCKER_COUNT_BITS, FLAG_TWO_SIDED, GpuBlockerNode, GpuCluster,
     GpuClusterLight, GpuInterreflectionView, GpuReflectedSky, GpuReflectorMaterial, GpuTriangle,
-    IRRADIANCE_WORKGROUP, KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE, MIXED_MATERIAL,
-    RECEIVERS_GLOSSY, RECEIVERS_MATTE,
+    IRRADIANCE_WORKGROUP, MIXED_MATERIAL, RECEIVERS_GLOSSY, RECEIVERS_MATTE,
 };
 use bevy::math::Vec3;
 use bevy::render::render_resource::ShaderType;
@@ -34,6 +33,8 @@ const LIBRARIES: &[(&str, &str)] = &[
 ];
 /// After the bind group of rays.
 const SKY: &[&str] = &["SKY", "SKY_GROUP=2"];
+const LTC_LAYER: &str = include_str!("../../akari_render/src/ltc_layer.wgsl");
+const SCENE_LIGHTS: &str = include_str!("../../akari_render/src/scene_lights.wgsl");
 const RENDER_SKY: &str = include_str!("../../akari_render/src/sky.wgsl");
 const MIRROR: &str = include_str!("../src/mirror.wgsl");
 
@@ -89,7 +90,12 @@ fn composer(mirror: &'static str) -> Composer {
     let gbuffer = include_str!("../../akari_render/src/gbuffer.wgsl");
     let mut libraries = [
         LIBRARIES,
-        &[("gbuffer.wgsl", gbuffer), ("render/sky.wgsl", RENDER_SKY)],
+        &[
+            ("gbuffer.wgsl", gbuffer),
+            ("ltc_layer.wgsl", LTC_LAYER),
+            ("scene_lights.wgsl", SCENE_LIGHTS),
+            ("render/sky.wgsl", RENDER_SKY),
+        ],
     ]
     .concat();
     for (file, source) in &mut libraries {
@@ -150,10 +156,6 @@ fn constants_and_workgroups_agree() {
         ("AGGREGATE_WORKGROUP", AGGREGATE_WORKGROUP),
         ("MIXED_MATERIAL", MIXED_MATERIAL),
         ("FLAG_TWO_SIDED", FLAG_TWO_SIDED),
-        ("LIGHT_STRIDE", LIGHT_STRIDE),
-        ("KIND_DIRECTIONAL", KIND_DIRECTIONAL),
-        ("KIND_POINT", KIND_POINT),
-        ("KIND_POLYGON", KIND_POLYGON),
         ("BLOCKER_COUNT_BITS", BLOCKER_COUNT_BITS),
         ("RECEIVERS_MATTE", RECEIVERS_MATTE),
         ("RECEIVERS_GLOSSY", RECEIVERS_GLOSSY),

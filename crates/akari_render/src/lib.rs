@@ -13,9 +13,10 @@
 //! | [`gpu`] | what passes of several effects make in the same way |
 //! | [`guides`] | surfaces and lobes of pixels as filters read them |
 //! | [`pipelines`] | [`Pipelines`](pipelines::Pipelines): pipelines that are queued once, however often an effect comes and goes |
+//! | [`scene_lights`] | the lights of the scene, for passes that light something else than pixels by them |
 //! | [`signals`] | what a pass that makes a noisy signal hands to the denoiser, and the order of the passes |
 //! | [`soft_shadows`] | shadows of area lights that are found in each frame, for the effect that draws the lights |
-//! | [`shaders`] | the WGSL modules of `akari_math`, made known to Bevy |
+//! | [`shaders`] | the WGSL modules that passes of several effects import, made known to Bevy |
 //!
 //! An effect crate depends on this one and on `akari_math`, and on no other effect.
 
@@ -35,6 +36,7 @@ pub mod guides;
 pub mod ledger;
 pub mod pipelines;
 pub mod quality;
+pub mod scene_lights;
 pub mod shaders;
 pub mod signals;
 pub mod sky;
@@ -88,6 +90,7 @@ impl Plugin for AkariRenderPlugin {
         app.insert_resource(ledger.clone())
             .init_resource::<ledger::CollectCounters>();
         shaders::register_math_shaders(app);
+        shaders::register_shared_shaders(app);
         capture::build(app);
         signals::build(app);
         faults::build(app);

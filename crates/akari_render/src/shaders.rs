@@ -1,7 +1,8 @@
-//! The WGSL modules of `akari_math`, made known to Bevy's shader composer.
+//! The WGSL modules that passes of several effects import, made known to Bevy's shader composer.
 
 use bevy::prelude::*;
-use bevy::shader::Shader;
+use bevy::render::RenderApp;
+use bevy::shader::{Shader, load_shader_library};
 
 /// Keeps the library modules alive: a module whose handle is dropped can no longer be imported.
 #[derive(Resource)]
@@ -23,4 +24,15 @@ pub fn register_math_shaders(app: &mut App) {
         })
         .collect();
     app.insert_resource(MathShaders { handles });
+}
+
+/// Adds the WGSL modules of this crate.
+pub(crate) fn register_shared_shaders(app: &mut App) {
+    if app.get_sub_app(RenderApp).is_none() {
+        return;
+    }
+    load_shader_library!(app, "gbuffer.wgsl");
+    load_shader_library!(app, "ltc_layer.wgsl");
+    load_shader_library!(app, "scene_lights.wgsl");
+    load_shader_library!(app, "sky.wgsl");
 }

@@ -1,6 +1,8 @@
 //! The shaders of this crate compose with Bevy's own modules and are valid; and no crate with shaders leaves them
 //! untested.
 
+use akari_gpu_test::u32_constants;
+use akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POINT, KIND_POLYGON, LIGHT_STRIDE};
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
@@ -9,8 +11,11 @@ mod shader_composer;
 use shader_composer::{Composer, Entry, choices, list_faults};
 
 const GBUFFER: &str = include_str!("../src/gbuffer.wgsl");
+const SCENE_LIGHTS: &str = include_str!("../src/scene_lights.wgsl");
 const LIBRARIES: &[(&str, &str)] = &[
     ("gbuffer.wgsl", GBUFFER),
+    ("ltc_layer.wgsl", include_str!("../src/ltc_layer.wgsl")),
+    ("scene_lights.wgsl", SCENE_LIGHTS),
     ("sky.wgsl", include_str!("../src/sky.wgsl")),
 ];
 
@@ -61,6 +66,27 @@ fn alone(module: &str) -> String {
     let lines = module.lines();
     let kept = lines.filter(|line| !line.starts_with("#define_import_path"));
     kept.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn lights_are_packed_as_shaders_read_them() {
+    let mut composer = Composer::new(LIBRARIES, &[&capture()]);
+    let mut constants = |source: &str| {
+        let module = composer.compose("scene_lights.wgsl", alone(source), &[]);
+        let module = module.expect("scene_lights.wgsl");
+        let found = u32_constants(&module).into_iter();
+        Vec::from_iter(found.map(|(name, value)| (name.to_owned(), value)))
+    };
+    let expected = [
+        ("KIND_DIRECTIONAL", KIND_DIRECTIONAL),
+        ("KIND_POINT", KIND_POINT),
+        ("KIND_POLYGON", KIND_POLYGON),
+        ("LIGHT_STRIDE", LIGHT_STRIDE),
+    ]
+    .map(|(name, value)| (name.to_owned(), value));
+    assert_eq!(constants(SCENE_LIGHTS), expected);
+    let swapped = SCENE_LIGHTS.replace("KIND_POINT: u32 = 1u", "KIND_POINT: u32 = 0u");
+    assert_ne!(constants(&swapped), expected);
 }
 
 #[test]
@@ -175,8 +201,15 @@ fn every_shader_of_every_crate_is_tested() {
     // This file includes its crate's shaders.
     let own = included(&here.join("tests"));
     let source = here.join("src");
-    let expected =
-        ["capture.wgsl", "faults.wgsl", "gbuffer.wgsl", "sky.wgsl"].map(|file| source.join(file));
+    let expected = [
+        "capture.wgsl",
+        "faults.wgsl",
+        "gbuffer.wgsl",
+        "ltc_layer.wgsl",
+        "scene_lights.wgsl",
+        "sky.wgsl",
+    ]
+    .map(|file| source.join(file));
     assert_eq!(own, BTreeSet::from(expected));
 }
 

@@ -9,12 +9,13 @@
 #import akari_math::special::safe_normalize
 #import akari_math::voxel::brick::FREE_PAGE
 #import akari_math::voxel::packing::{voxel_radiance_pack, voxel_radiance_unpack}
+#import akari_render::scene_lights::{KIND_DIRECTIONAL, KIND_POLYGON, LIGHT_STRIDE, Light, unpack_light}
 #import akari_voxel_gi::lighting::{due_owner, lighting, mark_lit}
 #import akari_voxel_gi::records::{VoxelFace, dither, count_faces, faces_of_page, load_face}
 #import akari_voxel_gi::trace::{VoxelRay, goes_on_beyond, trace_voxels, voxel_clipmap, voxel_coverage}
 #import akari_voxel_gi::types::{IRRADIANCE_STRIDE, LAMPS_ELSEWHERE_BIT, UNKNOWN_IRRADIANCE}
 
-// Four vectors a light, then corners of polygons. See `lights.rs`.
+// As `pack_lights` of `akari_render::scene_lights` has it.
 @group(0) @binding(2) var<storage, read> lights: array<vec4<f32>>;
 #ifdef EMISSIVE
 @group(0) @binding(3) var<storage, read> emission: array<u32>;
@@ -25,14 +26,10 @@
 @group(0) @binding(5) var<storage, read_write> outgoing: array<u32>;
 
 const PI: f32 = 3.1415927;
-const KIND_DIRECTIONAL: f32 = 0.0;
-const KIND_POINT: f32 = 1.0;
 // Bevy's own floor of a squared distance, m^2.
 const MIN_DISTANCE_SQUARED: f32 = 1e-4;
 // Voxels by which a ray stays short of an area light.
 const SHORT_OF_LIGHT: f32 = 0.5;
-// Vectors of a light.
-const LIGHT_STRIDE: u32 = 4u;
 
 // What comes through along the way to a light.
 fn visibility(face: VoxelFace, direction: vec3<f32>, reach: f32) -> f32 {
@@ -40,47 +37,44 @@ fn visibility(face: VoxelFace, direction: vec3<f32>, reach: f32) -> f32 {
     return select(traced.transmittance, 0.0, traced.enclosed);
 }
 
+fn light_of(index: u32) -> Light {
+    let at = LIGHT_STRIDE * index;
+    return unpack_light(lights[at], lights[at + 1u], lights[at + 2u], lights[at + 3u]);
+}
+
 // Irradiance of a point, spot or directional light.
-fn irradiance_of_point(face: VoxelFace, light: u32) -> vec3<f32> {
-    let place = lights[LIGHT_STRIDE * light];
-    let color = lights[LIGHT_STRIDE * light + 1u];
-    let axis = lights[LIGHT_STRIDE * light + 2u];
-    let cone = lights[LIGHT_STRIDE * light + 3u];
-    if place.w == KIND_DIRECTIONAL {
-        let cosine = dot(face.surface.normal, axis.xyz);
+fn irradiance_of_point(face: VoxelFace, light: Light) -> vec3<f32> {
+    if light.kind == KIND_DIRECTIONAL {
+        let cosine = dot(face.surface.normal, light.direction);
         if cosine <= 0.0 {
             return vec3(0.0);
         }
         goes_on_beyond = true;
-        let seen = visibility(face, axis.xyz, lighting.reach);
+        let seen = visibility(face, light.direction, lighting.reach);
         goes_on_beyond = false;
-        return color.rgb * (cosine * seen);
+        return light.color * (cosine * seen);
     }
-    let offset = place.xyz - face.position;
+    let offset = light.position - face.position;
     let distance_squared = dot(offset, offset);
     let direction = safe_normalize(offset, vec3(0.0, 0.0, 1.0));
     let cosine = dot(face.surface.normal, direction);
-    let window = range_falloff(distance_squared, color.w);
+    let window = range_falloff(distance_squared, light.inverse_range_squared);
     // Of a point light scale is 0 and offset 1.
-    let spot = saturate(-dot(axis.xyz, direction) * cone.x + cone.y);
+    let spot = saturate(-dot(light.direction, direction) * light.cone.x + light.cone.y);
     let factor = cosine * window * spot * spot / max(distance_squared, MIN_DISTANCE_SQUARED);
     if factor <= 0.0 {
         return vec3(0.0);
     }
-    return color.rgb * (factor * visibility(face, direction, sqrt(distance_squared)));
+    return light.color * (factor * visibility(face, direction, sqrt(distance_squared)));
 }
 
 // Irradiance of a polygon that shines evenly: its form factor above the horizon, times the part of a few of its points
 // that the voxel sees.
-fn irradiance_of_polygon(face: VoxelFace, light: u32) -> vec3<f32> {
-    let place = lights[LIGHT_STRIDE * light];
-    let color = lights[LIGHT_STRIDE * light + 1u];
-    let facing = lights[LIGHT_STRIDE * light + 2u];
-    let corners = lights[LIGHT_STRIDE * light + 3u];
-    let first = u32(corners.x);
-    let count = u32(corners.y);
-    let front = dot(facing.xyz, face.position - place.xyz) > 0.0;
-    if count < 3u || (!front && corners.z == 0.0) {
+fn irradiance_of_polygon(face: VoxelFace, light: Light, index_of_light: u32) -> vec3<f32> {
+    let first = light.first;
+    let count = light.count;
+    let front = dot(light.direction, face.position - light.position) > 0.0;
+    if count < 3u || (!front && !light.two_sided) {
         return vec3(0.0);
     }
     let to_local = transpose(orthonormal_basis(face.surface.normal));
@@ -99,13 +93,13 @@ fn irradiance_of_polygon(face: VoxelFace, light: u32) -> vec3<f32> {
         }
     }
     let form_factor = abs(form_factor_chain_close(chain).z);
-    let offset = place.xyz - face.position;
-    let factor = form_factor * range_falloff(dot(offset, offset), color.w);
+    let offset = light.position - face.position;
+    let factor = form_factor * range_falloff(dot(offset, offset), light.inverse_range_squared);
     if factor <= 0.0 || chain.started == 0u {
         return vec3(0.0);
     }
     // The same points in every frame: nothing flickers.
-    let shift = random_hash(vec3(6u * face.record + face.face, light, 0x6c696768u));
+    let shift = random_hash(vec3(6u * face.record + face.face, index_of_light, 0x6c696768u));
     var seen = 0.0;
     var rays = 0.0;
     for (var i = 0u; i < lighting.light_rays; i++) {
@@ -130,7 +124,7 @@ fn irradiance_of_polygon(face: VoxelFace, light: u32) -> vec3<f32> {
     if rays == 0.0 {
         return vec3(0.0);
     }
-    return color.rgb * (PI * factor * seen / rays);
+    return light.color * (PI * factor * seen / rays);
 }
 
 @compute @workgroup_size(96, 1, 1)
@@ -158,11 +152,12 @@ fn inject(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         light_count = 0u;
     }
 #endif
-    for (var light = 0u; light < light_count; light++) {
-        if lights[LIGHT_STRIDE * light].w <= KIND_POINT {
-            received += irradiance_of_point(face, light);
+    for (var index = 0u; index < light_count; index++) {
+        let light = light_of(index);
+        if light.kind == KIND_POLYGON {
+            received += irradiance_of_polygon(face, light, index);
         } else {
-            received += irradiance_of_polygon(face, light);
+            received += irradiance_of_point(face, light);
         }
     }
 #ifdef FEEDBACK

@@ -3,7 +3,7 @@
 use crate::EFFECT;
 use crate::buffers::VoxelBuffers;
 use crate::demand::CounterReadback;
-use crate::lights::{GpuVoxelLighting, VoxelLights, pack_lights};
+use crate::lights::{GpuVoxelLighting, VoxelLights};
 use crate::pipeline::StoreKey;
 use crate::prepare::{FrameCommands, VoxelFrame};
 use crate::scene::VoxelScene;
@@ -14,6 +14,7 @@ use akari_render::area_lights::AreaLightPolygons;
 use akari_render::gpu;
 use akari_render::pipelines::Pipelines;
 use akari_render::prelude::*;
+use akari_render::scene_lights::pack_lights;
 use bevy::asset::load_embedded_asset;
 use bevy::math::Affine3A;
 use bevy::prelude::*;

@@ -17,14 +17,12 @@
 #import akari_math::special::safe_normalize
 #import akari_math::voxel::cone::lobe_cone_height
 #import akari_math::voxel::mirror::edge_crosses_axis
+#import akari_render::scene_lights::{KIND_POINT, KIND_POLYGON, LIGHT_STRIDE, unpack_light}
 #import akari_voxel_gi::trace::VoxelMetal
 
-// As `pack_lights` in `lights.rs` has it.
+// As `pack_lights` of `akari_render::scene_lights` has it.
 @group(#{VOXEL_GROUP}) @binding(8) var<storage, read> mirrored_lights: array<vec4<f32>>;
 
-const LIGHT_STRIDE: u32 = 4u;
-const KIND_DIRECTIONAL: f32 = 0.0;
-const KIND_POINT: f32 = 1.0;
 const TWO_PI: f32 = 6.2831853;
 // Largest sharpness of a lobe, as 1 / sharpness.
 const MIN_INVERSE_SHARPNESS: f32 = 1e-6;
@@ -107,47 +105,43 @@ fn mirror_light(metal: VoxelMetal, view: vec3<f32>, light_count: u32, seed: u32)
     // The lobe's peak, 1/sr.
     let peak = sharpness / TWO_PI;
     var sum = 0.0;
-    for (var light = 0u; light < light_count; light++) {
-        let place = mirrored_lights[LIGHT_STRIDE * light];
-        let color = mirrored_lights[LIGHT_STRIDE * light + 1u];
-        let facing = mirrored_lights[LIGHT_STRIDE * light + 2u];
-        let shape = mirrored_lights[LIGHT_STRIDE * light + 3u];
-        var to_light = facing.xyz;
+    for (var lamp = 0u; lamp < light_count; lamp++) {
+        let at = LIGHT_STRIDE * lamp;
+        let light = unpack_light(mirrored_lights[at], mirrored_lights[at + 1u], mirrored_lights[at + 2u], mirrored_lights[at + 3u]);
+        let facing = light.direction;
+        var to_light = facing;
         var distance = 1e30;
-        var arriving = color.rgb;
+        var arriving = light.color;
         var light_alpha = max(alpha, LEAST_ALPHA_OF_POINTS);
-        let offset = place.xyz - metal.position;
-        if place.w == KIND_POINT {
+        let offset = light.position - metal.position;
+        if light.kind == KIND_POINT {
             let squared = dot(offset, offset);
             to_light = safe_normalize(offset, metal.normal);
             distance = sqrt(squared);
-            let spot = saturate(-dot(facing.xyz, to_light) * shape.x + shape.y);
-            arriving *= range_falloff(squared, color.w) * spot * spot / max(squared, MIN_DISTANCE_SQUARED);
-        } else if place.w != KIND_DIRECTIONAL {
-            let count = u32(shape.y);
-            let first = u32(shape.x);
-            let front = dot(facing.xyz, offset) < 0.0;
-            if count < 3u || (!front && shape.z == 0.0) {
+            let spot = saturate(-dot(facing, to_light) * light.cone.x + light.cone.y);
+            arriving *= range_falloff(squared, light.inverse_range_squared) * spot * spot / max(squared, MIN_DISTANCE_SQUARED);
+        } else if light.kind == KIND_POLYGON {
+            let count = light.count;
+            let first = light.first;
+            let front = dot(facing, offset) < 0.0;
+            if count < 3u || (!front && !light.two_sided) {
                 continue;
             }
-            arriving *= range_falloff(dot(offset, offset), color.w);
-            // Twice the area, and where the ray meets the polygon's plane.
+            arriving *= range_falloff(dot(offset, offset), light.inverse_range_squared);
+            // Where the ray meets the polygon's plane.
             let first_corner = mirrored_lights[first].xyz - metal.position;
-            let slope = dot(facing.xyz, direction);
-            let along = dot(facing.xyz, first_corner) / select(slope, MIN_COSINE, abs(slope) < MIN_COSINE);
+            let slope = dot(facing, direction);
+            let along = dot(facing, first_corner) / select(slope, MIN_COSINE, abs(slope) < MIN_COSINE);
             let met = along * direction;
-            var doubled = vec3(0.0);
             var crossings = 0u;
             var before = mirrored_lights[first + count - 1u].xyz - metal.position;
             for (var i = 0u; i < count; i++) {
                 let corner = mirrored_lights[first + i].xyz - metal.position;
-                doubled += cross(before - first_corner, corner - first_corner);
-                crossings += u32(edge_crosses_axis(in_plane(before - met, abs(facing.xyz)), in_plane(corner - met, abs(facing.xyz))));
+                crossings += u32(edge_crosses_axis(in_plane(before - met, abs(facing)), in_plane(corner - met, abs(facing))));
                 before = corner;
             }
-            let area = 0.5 * length(doubled);
             let squared = max(dot(offset, offset), MIN_DISTANCE_SQUARED);
-            let solid_angle = area * abs(dot(facing.xyz, offset)) / (squared * sqrt(squared));
+            let solid_angle = light.area * abs(dot(facing, offset)) / (squared * sqrt(squared));
             if solid_angle * peak >= 1.0 {
                 if along > 0.0 && (crossings & 1u) == 1u && (result.lamp_distance < 0.0 || along < result.lamp_distance) {
                     result.lamp_distance = along;
@@ -156,7 +150,7 @@ fn mirror_light(metal: VoxelMetal, view: vec3<f32>, light_count: u32, seed: u32)
                 continue;
             }
             // A point of it.
-            let chance = uniform_triple(seed, 2u * light + 2u);
+            let chance = uniform_triple(seed, 2u * lamp + 2u);
             let triangle = chance.x * f32(count - 2u);
             let index = min(u32(triangle), count - 3u);
             let root = sqrt(saturate(triangle - f32(index)));
@@ -169,7 +163,7 @@ fn mirror_light(metal: VoxelMetal, view: vec3<f32>, light_count: u32, seed: u32)
             distance = sqrt(point_squared);
             to_light = safe_normalize(point, metal.normal);
             light_alpha = alpha;
-            arriving *= part * abs(dot(facing.xyz, to_light)) / point_squared;
+            arriving *= part * abs(dot(facing, to_light)) / point_squared;
         }
         let sent = arriving * metal_response(metal, view, to_light, light_alpha);
         let weight = dot(sent, LUMINANCE);
@@ -177,7 +171,7 @@ fn mirror_light(metal: VoxelMetal, view: vec3<f32>, light_count: u32, seed: u32)
             continue;
         }
         sum += weight;
-        if uniform_triple(seed, 2u * light + 1u).z * sum <= weight {
+        if uniform_triple(seed, 2u * lamp + 1u).z * sum <= weight {
             result.other = sent / weight;
             result.other_direction = to_light;
             result.other_distance = distance;

@@ -48,6 +48,10 @@ const BORROWED: &[(&str, &str)] = &[
         "gbuffer.wgsl",
         include_str!("../../akari_render/src/gbuffer.wgsl"),
     ),
+    (
+        "scene_lights.wgsl",
+        include_str!("../../akari_render/src/scene_lights.wgsl"),
+    ),
     // Named apart from the file of this crate.
     (
         "render/sky.wgsl",

@@ -32,6 +32,10 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             include_str!("../../src/mirrors.wgsl"),
         ),
         (
+            "akari_render::scene_lights",
+            include_str!("../../../akari_render/src/scene_lights.wgsl"),
+        ),
+        (
             "akari_render::sky",
             include_str!("../../../akari_render/src/sky.wgsl"),
         ),

@@ -28,12 +28,12 @@ pub fn modules() -> Vec<(&'static str, &'static str)> {
             include_str!("../../src/trace.wgsl"),
         ),
         (
-            "akari_voxel_gi::mirrors",
-            include_str!("../../src/mirrors.wgsl"),
-        ),
-        (
             "akari_render::scene_lights",
             include_str!("../../../akari_render/src/scene_lights.wgsl"),
+        ),
+        (
+            "akari_voxel_gi::mirrors",
+            include_str!("../../src/mirrors.wgsl"),
         ),
         (
             "akari_render::sky",

@@ -4,16 +4,19 @@
 //!
 //! WGSL module: `akari_math::ggx`.
 
-use crate::frame::shading_frame;
+use crate::frame::{orthonormal_basis, shading_frame};
 use crate::special::{TINY, safe_normalize};
 use glam::{Vec2, Vec3};
 
 const INV_PI: f32 = 0.318_309_89;
+const TWO_PI: f32 = 6.283_185_3;
 /// Smallest alpha of the distribution and of masking: below it the peak of the distribution, `1/(π α²)`, leaves the
 /// range in which f32 products of it are finite.
 pub const MIN_ALPHA: f32 = 1e-5;
 /// Smallest cosine between view and dominant visible normal.
 const MIN_V_DOT_M: f32 = 1e-4;
+/// Smallest cosine between normal and view of a sample: interpolated normals turn away from the view.
+const MIN_N_DOT_V: f32 = 1e-4;
 /// Sharpness added per unit of alpha, fitted so that the lobe joins the diffuse cosine lobe at α = 1.
 const SHARPNESS_PER_ALPHA: f32 = 1.8;
 
@@ -24,6 +27,15 @@ pub struct ReflectionLobe {
     pub axis: Vec3,
     /// 1 / sharpness; 0 for a mirror, at most 1/1.8.
     pub inverse_sharpness: f32,
+}
+
+/// A direction that GGX reflects light from, and how much of that light.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReflectedSample {
+    /// Unit, from the surface.
+    pub direction: Vec3,
+    /// Reflected radiance over incident radiance, each in `[0, 1]`; 0 for directions into the surface.
+    pub weight: Vec3,
 }
 
 /// Elliptic spherical Gaussian of a GGX reflection.
@@ -185,5 +197,64 @@ pub fn ggx_anisotropic_lobe(normal: Vec3, view: Vec3, alpha: f32) -> Anisotropic
             lobe.inverse_sharpness / stretch,
             lobe.inverse_sharpness * stretch,
         ),
+    }
+}
+
+/// Unit normal of a microfacet that the view sees, drawn by two numbers in `[0, 1)`.
+///
+/// Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps": about the view, stretched until the
+/// microfacets are a hemisphere, reflections are uniform over a spherical cap; their half vectors, stretched back, are the
+/// normals. The half vector's height and the cap's radius are taken from `(1 - y)(1 + v_z)` and `y (1 + v_z)`, without
+/// cancellation: error below 2e-5 (test `twins`; 2e-3 within a thousandth of the cap's rim, where the half vector vanishes).
+#[must_use]
+pub fn ggx_visible_normal(normal: Vec3, view: Vec3, alpha: f32, random: Vec2) -> Vec3 {
+    let frame = orthonormal_basis(normal);
+    let a = alpha.max(MIN_ALPHA);
+    let local = frame.transpose() * view;
+    let stretched = safe_normalize(
+        Vec3::new(a * local.x, a * local.y, local.z),
+        Vec3::new(0.0, 0.0, 1.0),
+    );
+    let height = (1.0 - random.y) * (1.0 + stretched.z);
+    let radius = (random.y * (1.0 + stretched.z) * (1.0 - stretched.z + height).max(0.0)).sqrt();
+    let angle = TWO_PI * random.x;
+    let across = Vec2::new(
+        radius * angle.cos() + stretched.x,
+        radius * angle.sin() + stretched.y,
+    );
+    let half_vector = Vec3::new(a * across.x, a * across.y, height);
+    frame * safe_normalize(half_vector, Vec3::new(0.0, 0.0, 1.0))
+}
+
+/// A direction of the GGX reflection to `view`, drawn by two numbers in `[0, 1)`; the mean of `weight` times incident
+/// radiance over many is the reflected radiance, masking and Fresnel included.
+///
+/// Directions are those of [`ggx_visible_normal`], which leaves of the reflection integral `F G₂ / G₁` (Heitz 2018, "Sampling
+/// the GGX Distribution of Visible Normals", eq. 19).
+#[must_use]
+pub fn ggx_reflected_sample(
+    normal: Vec3,
+    view: Vec3,
+    alpha: f32,
+    f0: Vec3,
+    f90: f32,
+    random: Vec2,
+) -> ReflectedSample {
+    let m = ggx_visible_normal(normal, view, alpha, random);
+    let v_dot_m = view.dot(m);
+    let direction = safe_normalize(2.0 * v_dot_m * m - view, normal);
+    let n_dot_l = normal.dot(direction);
+    if n_dot_l <= 0.0 {
+        return ReflectedSample {
+            direction,
+            weight: Vec3::ZERO,
+        };
+    }
+    let n_dot_v = normal.dot(view).max(MIN_N_DOT_V);
+    let unshadowed =
+        smith_masking_shadowing(n_dot_v, n_dot_l, alpha) / smith_masking(n_dot_v, alpha);
+    ReflectedSample {
+        direction,
+        weight: fresnel_schlick(f0, f90, v_dot_m) * unshadowed.min(1.0),
     }
 }

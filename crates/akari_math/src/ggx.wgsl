@@ -2,15 +2,18 @@
 
 // Twin: `ggx.rs`, where the formulas, domains, error bounds and sources are. Change both or neither.
 
-#import akari_math::frame::{shading_frame}
+#import akari_math::frame::{orthonormal_basis, shading_frame}
 #import akari_math::special::{TINY, safe_normalize}
 
 const INV_PI: f32 = 0.31830989;
+const TWO_PI: f32 = 6.2831853;
 // Smallest alpha of the NDF and of masking: below it the peak of the NDF, 1 / (pi alpha^2), leaves the range of f32
 // products.
 const MIN_ALPHA: f32 = 1e-5;
 // Smallest cosine between view and dominant visible normal.
 const MIN_V_DOT_M: f32 = 1e-4;
+// Smallest cosine between normal and view of a sample.
+const MIN_N_DOT_V: f32 = 1e-4;
 // Sharpness added per unit of alpha, fitted so that the lobe joins the diffuse cosine lobe at alpha = 1.
 const SHARPNESS_PER_ALPHA: f32 = 1.8;
 
@@ -18,6 +21,12 @@ const SHARPNESS_PER_ALPHA: f32 = 1.8;
 struct ReflectionLobe {
     axis: vec3<f32>,
     inverse_sharpness: f32,
+}
+
+// A direction that GGX reflects light from, and how much of that light.
+struct ReflectedSample {
+    direction: vec3<f32>,
+    weight: vec3<f32>,
 }
 
 // Elliptic SG lobe of a GGX reflection: inverse sharpness along the tangent and across it.
@@ -116,4 +125,39 @@ fn ggx_anisotropic_lobe(normal: vec3<f32>, view: vec3<f32>, alpha: f32) -> Aniso
         safe_normalize(cross(frame[1], lobe.axis), frame[0]),
         vec2<f32>(lobe.inverse_sharpness / stretch, lobe.inverse_sharpness * stretch),
     );
+}
+
+// Unit normal of a microfacet that the view sees, drawn by two numbers in [0, 1).
+fn ggx_visible_normal(normal: vec3<f32>, view: vec3<f32>, alpha: f32, random: vec2<f32>) -> vec3<f32> {
+    let frame = orthonormal_basis(normal);
+    let a = max(alpha, MIN_ALPHA);
+    let local = transpose(frame) * view;
+    let stretched = safe_normalize(vec3<f32>(a * local.x, a * local.y, local.z), vec3<f32>(0.0, 0.0, 1.0));
+    let height = (1.0 - random.y) * (1.0 + stretched.z);
+    let radius = sqrt(random.y * (1.0 + stretched.z) * max(1.0 - stretched.z + height, 0.0));
+    let angle = TWO_PI * random.x;
+    let across = vec2<f32>(radius * cos(angle) + stretched.x, radius * sin(angle) + stretched.y);
+    let half_vector = vec3<f32>(a * across.x, a * across.y, height);
+    return frame * safe_normalize(half_vector, vec3<f32>(0.0, 0.0, 1.0));
+}
+
+// A direction of the reflection to the view, drawn by two numbers in [0, 1), and what is reflected of its light.
+fn ggx_reflected_sample(
+    normal: vec3<f32>,
+    view: vec3<f32>,
+    alpha: f32,
+    f0: vec3<f32>,
+    f90: f32,
+    random: vec2<f32>,
+) -> ReflectedSample {
+    let m = ggx_visible_normal(normal, view, alpha, random);
+    let v_dot_m = dot(view, m);
+    let direction = safe_normalize(2.0 * v_dot_m * m - view, normal);
+    let n_dot_l = dot(normal, direction);
+    if n_dot_l <= 0.0 {
+        return ReflectedSample(direction, vec3<f32>(0.0));
+    }
+    let n_dot_v = max(dot(normal, view), MIN_N_DOT_V);
+    let unshadowed = smith_masking_shadowing(n_dot_v, n_dot_l, alpha) / smith_masking(n_dot_v, alpha);
+    return ReflectedSample(direction, fresnel_schlick(f0, f90, v_dot_m) * min(unshadowed, 1.0));
 }

@@ -1,8 +1,8 @@
 //! Rows of `ggx`.
 
 use crate::harness::{Case, Mutation, absolute, domain, dvec3, push3, rows, ulp, vec3};
-use akari_math::{ggx, oracle};
-use glam::{DVec3, Vec3};
+use akari_math::{frame, ggx, oracle};
+use glam::{DMat3, DVec3, Vec2, Vec3};
 
 const MODULE: &str = "akari_math::ggx";
 
@@ -74,6 +74,62 @@ fn exact_lobe(normal: DVec3, view: DVec3, alpha: f64) -> (DVec3, DVec3, f64) {
     let jacobian = n.dot(m) / (4.0 * v.dot(m));
     let sharpness = (2.0 / (alpha * alpha) - 2.0) * jacobian + 1.8 * alpha;
     (m, 2.0 * v.dot(m) * m - v, 1.0 / sharpness)
+}
+
+/// Normal, view, alpha, f0, f90, two numbers.
+fn sample_rows(seed: u64, cosine: [f32; 2], alpha_lo: f32, most: f32) -> Vec<f32> {
+    rows(seed, 1000, |random, row| {
+        let normal = random.direction();
+        let angle = random.range(cosine[0], cosine[1]).acos();
+        push3(row, normal);
+        push3(row, random.around(normal, angle));
+        row.push(random.log_range(alpha_lo, 0.0));
+        for _ in 0..4 {
+            row.push(random.range(0.0, 1.0));
+        }
+        row.extend([random.range(0.0, 1.0), random.range(0.0, most)]);
+    })
+}
+
+fn sample_edges() -> Vec<f32> {
+    let mut edges = Vec::new();
+    for lobe in lobe_edges().chunks(7) {
+        for random in [[0.0, 0.0], [0.5, 0.5], [0.5, 0.999_999_9], [0.25, 1e-30]] {
+            edges.extend_from_slice(lobe);
+            edges.extend([0.04, 0.04, 0.04, 1.0]);
+            edges.extend(random);
+        }
+    }
+    edges
+}
+
+/// The visible normal, and the direction and the weight of the sample, by the formulas as they are in print.
+fn exact_sample(x: &[f64]) -> (DVec3, DVec3, DVec3) {
+    let (n, v) = (dvec3(x, 0).normalize(), dvec3(x, 3).normalize());
+    let alpha = x[6].max(f64::from(ggx::MIN_ALPHA));
+    // Any basis turns what is drawn about the normal: the twin's own is that of the definition.
+    let basis = frame::orthonormal_basis(n.as_vec3()).as_dmat3();
+    let tangent = (basis.x_axis - n * n.dot(basis.x_axis)).normalize();
+    let basis = DMat3::from_cols(tangent, n.cross(tangent), n);
+    let local = basis.transpose() * v;
+    let stretched = DVec3::new(alpha * local.x, alpha * local.y, local.z).normalize();
+    let height = (1.0 - x[12]) * (1.0 + stretched.z) - stretched.z;
+    let radius = (1.0 - height * height).max(0.0).sqrt();
+    let (sine, cosine) = (std::f64::consts::TAU * x[11]).sin_cos();
+    let half_vector = DVec3::new(radius * cosine, radius * sine, height) + stretched;
+    let m =
+        basis * DVec3::new(alpha * half_vector.x, alpha * half_vector.y, half_vector.z).normalize();
+    let direction = 2.0 * v.dot(m) * m - v;
+    let (n_dot_v, n_dot_l) = (n.dot(v).max(1e-4), n.dot(direction));
+    if n_dot_l <= 0.0 {
+        return (m, direction, DVec3::ZERO);
+    }
+    let unshadowed = oracle::smith_masking_shadowing(n_dot_v, n_dot_l, alpha)
+        / oracle::smith_masking(n_dot_v, alpha);
+    let schlick = (1.0 - v.dot(m)).clamp(0.0, 1.0).powi(5);
+    let f0 = dvec3(x, 7);
+    let fresnel = f0 + (DVec3::splat(x[10]) - f0) * schlick;
+    (m, direction, fresnel * unshadowed)
 }
 
 pub fn cases() -> Vec<Case> {
@@ -430,5 +486,87 @@ pub fn cases() -> Vec<Case> {
                 "MIN_V_DOT_M: f32 = 1e-2",
             )],
         },
+        Case {
+            module: MODULE,
+            functions: &["ggx_visible_normal", "ggx_reflected_sample"],
+            imports: "",
+            body: SAMPLE_BODY,
+            inputs: 13,
+            outputs: 9,
+            twin: sample_twin,
+            oracle: Some(|x, y| {
+                let (m, direction, weight) = exact_sample(x);
+                for v in [m, direction, weight] {
+                    y.extend(v.to_array());
+                }
+            }),
+            domains: vec![
+                domain(
+                    "view above the surface",
+                    sample_rows(59, [0.02, 1.0], -3.0, 0.99),
+                    absolute(2e-5),
+                    absolute(2e-5),
+                ),
+                domain(
+                    "near the rim of the cap",
+                    sample_rows(60, [0.02, 1.0], -3.0, 0.999_999),
+                    absolute(2e-3),
+                    absolute(2e-3),
+                ),
+            ],
+            mutations: vec![
+                mutation(
+                    "(1.0 - random.y) * (1.0 + stretched.z)",
+                    "(1.0 - random.y) * (1.001 + stretched.z)",
+                ),
+                mutation("radius * cos(angle)", "1.001 * radius * cos(angle)"),
+                mutation("a * across.x, a * across.y", "a * across.x, across.y"),
+                mutation(
+                    "/ smith_masking(n_dot_v, alpha)",
+                    "/ smith_masking(n_dot_l, alpha)",
+                ),
+                mutation(
+                    "fresnel_schlick(f0, f90, v_dot_m)",
+                    "fresnel_schlick(f0, f90, n_dot_v)",
+                ),
+            ],
+        },
+        Case {
+            module: MODULE,
+            functions: &["ggx_visible_normal", "ggx_reflected_sample"],
+            imports: "",
+            body: SAMPLE_BODY,
+            inputs: 13,
+            outputs: 9,
+            twin: sample_twin,
+            oracle: None,
+            domains: vec![domain(
+                "mirror to rough, pole to horizon and below, cap's edges",
+                sample_edges(),
+                ulp(0),
+                absolute(1e-5),
+            )],
+            mutations: vec![mutation(
+                "MIN_N_DOT_V: f32 = 1e-4",
+                "MIN_N_DOT_V: f32 = 1e-2",
+            )],
+        },
     ]
+}
+
+const SAMPLE_BODY: &str = "let random = vec2<f32>(x(11u), x(12u));
+    y_vec3(0u, ggx_visible_normal(x_vec3(0u), x_vec3(3u), x(6u), random));
+    let drawn = ggx_reflected_sample(x_vec3(0u), x_vec3(3u), x(6u), x_vec3(7u), x(10u), random);
+    y_vec3(3u, drawn.direction);
+    y_vec3(6u, drawn.weight);";
+
+fn sample_twin(x: &[f32], y: &mut Vec<f32>) {
+    let random = Vec2::new(x[11], x[12]);
+    push3(
+        y,
+        ggx::ggx_visible_normal(vec3(x, 0), vec3(x, 3), x[6], random),
+    );
+    let drawn = ggx::ggx_reflected_sample(vec3(x, 0), vec3(x, 3), x[6], vec3(x, 7), x[10], random);
+    push3(y, drawn.direction);
+    push3(y, drawn.weight);
 }

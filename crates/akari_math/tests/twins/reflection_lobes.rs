@@ -1,7 +1,8 @@
 //! How near the spherical Gaussians of `ggx` are to the lobes that they stand for.
 
 use crate::harness::{Random, vec3};
-use akari_math::{ggx, oracle};
+use akari_math::ggx::{self, ReflectedSample, ggx_reflected_sample};
+use akari_math::oracle;
 use glam::{DVec3, Vec2, Vec3};
 
 /// An elliptic Gaussian about a direction, as a density.
@@ -206,4 +207,47 @@ fn ellipses_lie_in_the_plane_of_incidence() {
     assert!((rough.variance.x / rough.variance.y - 1.0).abs() < 1e-6);
     let grazing = ggx::ggx_anisotropic_lobe(Vec3::Z, Vec3::new(0.8, 0.0, 0.6), 0.1);
     assert!(grazing.variance.x / grazing.variance.y > 2.0);
+}
+
+/// What samples of a reflection say of its directional albedo, by a grid of `n × n` pairs.
+fn sampled_albedo(alpha: f32, n_dot_v: f32, f0: f32, n: usize, draw: Draw) -> f64 {
+    let view = Vec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);
+    let place = |i: usize| (i as f32 + 0.5) / n as f32;
+    let pairs = (0..n * n).map(|i| Vec2::new(place(i % n), place(i / n)));
+    let sum: f64 = pairs
+        .map(|random| draw(Vec3::Z, view, alpha, Vec3::splat(f0), 1.0, random))
+        .map(|drawn| f64::from(drawn.weight.x))
+        .sum();
+    sum / (n * n) as f64
+}
+
+type Draw = fn(Vec3, Vec3, f32, Vec3, f32, Vec2) -> ReflectedSample;
+
+/// Largest error of sampled albedos over that of the quadrature, in its range.
+fn albedo_error(draw: Draw) -> f64 {
+    let mut worst: f64 = 0.0;
+    for alpha in [0.01_f32, 0.1, 0.3, 0.6, 1.0] {
+        for n_dot_v in [0.05_f32, 0.2, 0.5, 0.8, 1.0] {
+            let exact = oracle::ggx_albedo_terms(f64::from(alpha), f64::from(n_dot_v), 256);
+            for f0 in [0.04_f32, 1.0] {
+                let albedo = f64::from(f0) * exact[0] + exact[1];
+                let sampled = sampled_albedo(alpha, n_dot_v, f0, 256, draw);
+                worst = worst.max((sampled / albedo - 1.0).abs());
+            }
+        }
+    }
+    worst
+}
+
+/// Samples are of the reflection: their mean is the directional albedo that another way of drawing them (Heitz 2018) has.
+#[test]
+fn reflected_samples_add_up_to_the_albedo() {
+    let error = albedo_error(ggx_reflected_sample);
+    println!("sampled albedo is off by {error:.2e} at most");
+    assert!(error < 1e-3, "{error}");
+    // Samples of a lobe that is a fifth wider are caught.
+    let wider = albedo_error(|normal, view, alpha, f0, f90, random| {
+        ggx_reflected_sample(normal, view, 1.2 * alpha, f0, f90, random)
+    });
+    assert!(wider > 0.01, "{wider}");
 }
